@@ -1,0 +1,88 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "vestibule/core/frames.hpp"
+#include "vestibule/core/time.hpp"
+
+namespace vestibule {
+
+/// Logs, the simulator and live drivers all speak in these structs: SI units, radians, ENU, robot
+/// axes x forward / y left / z up. `stamp` is when the measurement was true.
+
+/// Wheel odometry as an increment, never as an absolute pose: what the wheels say the base moved
+/// during the `dt_s` before `stamp`.
+struct WheelOdometry {
+  Timestamp stamp;
+  double dt_s = 0.0;     ///< [s] >= 0; 0 when the recording gives no usable interval
+  Pose2 T_previous_now;  ///< base pose at `stamp` in the base frame of the previous message
+};
+
+struct Imu {
+  Timestamp stamp;
+  Eigen::Vector3d omega_radps = Eigen::Vector3d::Zero();  ///< body rates in base axes
+  Eigen::Vector3d accel_mps2 = Eigen::Vector3d::Zero();   ///< specific force in base axes
+};
+
+/// Absolute heading: IMU orientation, compass, dual antenna.
+struct Heading {
+  Timestamp stamp;
+  double yaw_rad = 0.0;             ///< ENU: counter-clockwise from east
+  std::optional<double> sigma_rad;  ///< as reported; empty = unknown
+};
+
+enum class GnssFixType { kNone, kUnknown, kSingle, kDifferential, kRtkFloat, kRtkFixed };
+[[nodiscard]] std::string_view toString(GnssFixType type);
+
+/// Position in a recording's own local metres, turned to ENU.
+struct LocalPosition {
+  double east_m = 0.0;
+  double north_m = 0.0;
+  double up_m = 0.0;
+};
+
+/// One fix of the antenna phase centre.
+struct GnssFix {
+  Timestamp stamp;
+  GnssFixType type = GnssFixType::kUnknown;
+  std::variant<Geodetic, LocalPosition> position;
+  /// ENU covariance [m^2] as the receiver reports it. Empty = unknown, which is not zero.
+  std::optional<Eigen::Matrix3d> cov_enu;
+  std::optional<double> hdop;
+  std::optional<int> satellites;
+};
+
+/// One sweep of a planar lidar. Beam i points at angle_min_rad + i * angle_step_rad in the laser
+/// frame; the frame's pose on the robot is T_base_laser.
+struct LaserScan {
+  Timestamp stamp;
+  double angle_min_rad = 0.0;
+  double angle_step_rad = 0.0;
+  double range_min_m = 0.0;
+  double range_max_m = 0.0;     ///< a range at or beyond this is "no echo"
+  std::vector<float> ranges_m;  ///< NaN or infinite = no echo
+  Pose2 T_base_laser;
+  /// Robot pose written beside the scan by the recorder: odometry in a raw log, the corrected pose
+  /// in a corrected one. Frame as in the recording.
+  std::optional<Pose2> T_log_base;
+
+  [[nodiscard]] bool valid(std::size_t i) const {
+    const auto r = static_cast<double>(ranges_m[i]);
+    return r >= range_min_m && r > 0.0 && r < range_max_m;  // false for NaN
+  }
+  [[nodiscard]] double angle(std::size_t i) const {
+    return angle_min_rad + static_cast<double>(i) * angle_step_rad;
+  }
+};
+
+using Measurement = std::variant<WheelOdometry, Imu, Heading, GnssFix, LaserScan>;
+[[nodiscard]] Timestamp stampOf(const Measurement& measurement);
+
+/// End points of the valid beams in the base frame, in beam order.
+[[nodiscard]] std::vector<Point2> endPointsInBase(const LaserScan& scan);
+
+}  // namespace vestibule
