@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "vestibule/core/frames.hpp"
+
+namespace mrpt::maps {
+class COccupancyGridMap2D;
+}
+
+namespace vestibule::grid {
+
+enum class Cell : std::uint8_t { kFree, kOccupied, kUnknown };
+
+/// A prebuilt occupancy map. Cells live in an MRPT grid whose axes are those of the image (x along
+/// columns, y up); `T_map_grid` places that grid in the map frame (identity unless the map_server
+/// origin has a yaw or a site georeferences it). Immutable once built; share the pointer freely.
+class OccupancyMap {
+ public:
+  OccupancyMap(std::shared_ptr<mrpt::maps::COccupancyGridMap2D> grid, const Pose2& T_map_grid);
+
+  /// \param cells row-major from the bottom left corner, width * height of them
+  /// \param p_grid_corner lower left corner of the first cell [m]
+  static OccupancyMap fromCells(
+      int width,
+      int height,
+      double resolution_m,
+      const Point2& p_grid_corner,
+      const std::vector<Cell>& cells,
+      const Pose2& T_map_grid = {});
+
+  [[nodiscard]] const std::shared_ptr<mrpt::maps::COccupancyGridMap2D>& mrptGrid() const {
+    return grid_;
+  }
+  [[nodiscard]] const Pose2& T_map_grid() const { return T_map_grid_; }
+  /// The same cells under another georeference: T_new_grid = T_new_map + T_map_grid.
+  [[nodiscard]] OccupancyMap movedBy(const Pose2& T_new_map) const;
+
+  [[nodiscard]] int width() const { return width_; }
+  [[nodiscard]] int height() const { return height_; }
+  [[nodiscard]] double resolution() const { return resolution_m_; }
+  /// Lower left corner of the grid, in grid coordinates [m].
+  [[nodiscard]] const Point2& corner() const { return p_grid_corner_; }
+  /// Cell at column ix (from the left), row iy (from the bottom).
+  [[nodiscard]] Cell cell(int ix, int iy) const;
+  /// Cell under a point of the map frame; unknown outside the grid.
+  [[nodiscard]] Cell at(const Point2& p_map) const;
+  [[nodiscard]] std::size_t count(Cell kind) const;
+
+ private:
+  std::shared_ptr<mrpt::maps::COccupancyGridMap2D> grid_;
+  Pose2 T_map_grid_;
+  int width_ = 0;
+  int height_ = 0;
+  double resolution_m_ = 0.0;
+  Point2 p_grid_corner_;
+};
+
+}  // namespace vestibule::grid
