@@ -13,10 +13,10 @@ MATCHER_P3(
     expected,
     tol_m,
     tol_rad,
-    "is within " + ::testing::PrintToString(tol_m) + " m and " +
-        ::testing::PrintToString(tol_rad) + " rad of (" + ::testing::PrintToString(expected.x) +
-        ", " + ::testing::PrintToString(expected.y) + ", " +
-        ::testing::PrintToString(expected.phi) + ")") {
+    "is within " + ::testing::PrintToString(tol_m) + " m and " + ::testing::PrintToString(tol_rad) +
+        " rad of (" + ::testing::PrintToString(expected.x) + ", " +
+        ::testing::PrintToString(expected.y) + ", " + ::testing::PrintToString(expected.phi) +
+        ")") {
   const double d = std::hypot(arg.x - expected.x, arg.y - expected.y);
   const double a = std::abs(std::remainder(arg.phi - expected.phi, 2.0 * M_PI));
   *result_listener << "pose (" << arg.x << ", " << arg.y << ", " << arg.phi << "), off by " << d

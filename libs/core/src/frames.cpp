@@ -70,8 +70,7 @@ PoseWithCovariance compose(const Pose2& T_a_b, const PoseWithCovariance& T_b_c) 
 
 Pose2 expSe2(const Eigen::Vector3d& twist) {
   const auto [a, b] = expCoefficients(twist.z());
-  return {
-      a * twist.x() - b * twist.y(), b * twist.x() + a * twist.y(), wrapToPi(twist.z())};
+  return {a * twist.x() - b * twist.y(), b * twist.x() + a * twist.y(), wrapToPi(twist.z())};
 }
 
 Eigen::Vector3d logSe2(const Pose2& T) {

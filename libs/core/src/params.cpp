@@ -65,11 +65,16 @@ int lineOf(const YAML::Node& node) { return node.Mark().is_null() ? 0 : node.Mar
 
 std::string describeNode(const YAML::Node& node) {
   switch (node.Type()) {
-    case YAML::NodeType::Null: return "nothing";
-    case YAML::NodeType::Scalar: return "'" + node.Scalar() + "'";
-    case YAML::NodeType::Sequence: return "a list";
-    case YAML::NodeType::Map: return "a mapping";
-    case YAML::NodeType::Undefined: break;
+    case YAML::NodeType::Null:
+      return "nothing";
+    case YAML::NodeType::Scalar:
+      return "'" + node.Scalar() + "'";
+    case YAML::NodeType::Sequence:
+      return "a list";
+    case YAML::NodeType::Map:
+      return "a mapping";
+    case YAML::NodeType::Undefined:
+      break;
   }
   return "nothing";
 }
@@ -250,9 +255,7 @@ struct ParamIo::Impl {
     }
   }
 
-  void emitKey(std::string_view key) {
-    out << YAML::Key << std::string(key) << YAML::Value;
-  }
+  void emitKey(std::string_view key) { out << YAML::Key << std::string(key) << YAML::Value; }
   void emitNumbers(const std::vector<double>& values) {
     out << YAML::Flow << YAML::BeginSeq;
     for (const double v : values) out << numberText(v);
@@ -369,7 +372,8 @@ void ParamIo::optional(const char* key, std::optional<std::string>& value) {
 
 void ParamIo::optionalDegrees(const char* key, double& value_rad, const Bounds& bounds) {
   double value_deg = radToDeg(value_rad);
-  // Nine digits hide the rounding of the conversion: 10 deg is written as 10, not 10.000000000000002.
+  // Nine digits hide the rounding of the conversion: 10 deg is written as 10,
+  // not 10.000000000000002.
   if (impl_->writing) value_deg = std::round(value_deg * 1e9) / 1e9;
   const double before = value_deg;
   optional(key, value_deg, bounds);

@@ -6,12 +6,18 @@ namespace vestibule {
 
 std::string_view toString(GnssFixType type) {
   switch (type) {
-    case GnssFixType::kNone: return "none";
-    case GnssFixType::kUnknown: return "unknown";
-    case GnssFixType::kSingle: return "single";
-    case GnssFixType::kDifferential: return "differential";
-    case GnssFixType::kRtkFloat: return "rtk_float";
-    case GnssFixType::kRtkFixed: return "rtk_fixed";
+    case GnssFixType::kNone:
+      return "none";
+    case GnssFixType::kUnknown:
+      return "unknown";
+    case GnssFixType::kSingle:
+      return "single";
+    case GnssFixType::kDifferential:
+      return "differential";
+    case GnssFixType::kRtkFloat:
+      return "rtk_float";
+    case GnssFixType::kRtkFixed:
+      return "rtk_fixed";
   }
   return "?";
 }

@@ -5,8 +5,7 @@
 namespace vestibule {
 
 void describe(ParamIo& io, SensorRig& rig) {
-  std::vector<double> laser{
-      rig.T_base_laser.x, rig.T_base_laser.y, radToDeg(rig.T_base_laser.phi)};
+  std::vector<double> laser{rig.T_base_laser.x, rig.T_base_laser.y, radToDeg(rig.T_base_laser.phi)};
   io.optional("laser", laser, 3, 3);
   rig.T_base_laser = {laser[0], laser[1], wrapToPi(degToRad(laser[2]))};
 

@@ -38,8 +38,8 @@ struct PoseEvent {
   PoseWithCovariance T;
 };
 
-/// One measurement offered to a filter. `nis` is n' S^-1 n with `dof` degrees of freedom; `gate` the
-/// limit it was held against (same unit), both before any down-weighting.
+/// One measurement offered to a filter. `nis` is n' S^-1 n with `dof` degrees of freedom; `gate`
+/// the limit it was held against (same unit), both before any down-weighting.
 struct UpdateEvent {
   Timestamp stamp;
   std::string sensor;  ///< "gnss", "heading", ...

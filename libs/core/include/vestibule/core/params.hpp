@@ -19,7 +19,9 @@ struct Bounds {
   bool hi_open = false;
 };
 [[nodiscard]] constexpr Bounds anyNumber() { return {}; }
-[[nodiscard]] constexpr Bounds positive() { return {0.0, std::numeric_limits<double>::max(), true}; }
+[[nodiscard]] constexpr Bounds positive() {
+  return {0.0, std::numeric_limits<double>::max(), true};
+}
 [[nodiscard]] constexpr Bounds nonNegative() { return {0.0}; }
 [[nodiscard]] constexpr Bounds within(double lo, double hi) { return {lo, hi}; }
 /// Open interval, e.g. for probabilities that must not be 0 or 1.
@@ -153,7 +155,8 @@ class ParamIo {
   // --- for describe() functions that look before they read -------------------------------------
   [[nodiscard]] bool writing() const;
   [[nodiscard]] bool has(std::string_view key) const;
-  /// True if the current node is a list, for values that may be `[lat, lon, alt, yaw]` or a mapping.
+  /// True if the current node is a list, for values that may be `[lat, lon, alt, yaw]` or a
+  /// mapping.
   [[nodiscard]] bool isSequence() const;
   /// The current node itself as a list of numbers.
   void elements(std::vector<double>& values, std::size_t min_size, std::size_t max_size);

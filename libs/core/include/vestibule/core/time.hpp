@@ -31,7 +31,8 @@ struct Timestamp {
   return static_cast<double>(d.count()) * 1e-9;
 }
 
-/// Seconds since the epoch. Loses sub-microsecond digits for Unix times: use formatSeconds for text.
+/// Seconds since the epoch. Loses sub-microsecond digits for Unix times: use formatSeconds for
+/// text.
 [[nodiscard]] constexpr double toSeconds(Timestamp t) { return static_cast<double>(t.ns) * 1e-9; }
 
 /// \pre |seconds| < 9.2e9. Rounds to the nearest nanosecond.

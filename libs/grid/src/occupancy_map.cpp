@@ -1,0 +1,84 @@
+#include "vestibule/grid/occupancy_map.hpp"
+
+#include <mrpt/maps/COccupancyGridMap2D.h>
+
+#include <cassert>
+#include <cmath>
+
+namespace vestibule::grid {
+namespace {
+
+// Occupancy probabilities stored for the three kinds of cell, and the limits that read them back.
+constexpr float kFreeness[] = {0.98F, 0.02F, 0.5F};  // MRPT stores p(free); order as in Cell
+constexpr float kOccupiedBelow = 0.35F;
+constexpr float kFreeAbove = 0.6F;
+
+}  // namespace
+
+OccupancyMap::OccupancyMap(
+    std::shared_ptr<mrpt::maps::COccupancyGridMap2D> grid, const Pose2& T_map_grid)
+    : grid_(std::move(grid)),
+      T_map_grid_(T_map_grid),
+      width_(static_cast<int>(grid_->getSizeX())),
+      height_(static_cast<int>(grid_->getSizeY())),
+      resolution_m_(static_cast<double>(grid_->getResolution())),
+      p_grid_corner_{static_cast<double>(grid_->getXMin()), static_cast<double>(grid_->getYMin())} {
+}
+
+OccupancyMap OccupancyMap::fromCells(
+    int width,
+    int height,
+    double resolution_m,
+    const Point2& p_grid_corner,
+    const std::vector<Cell>& cells,
+    const Pose2& T_map_grid) {
+  assert(cells.size() == static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  auto grid = mrpt::maps::COccupancyGridMap2D::Create();
+  // MRPT snaps grid limits to multiples of the resolution: the corner is carried by the pose, so
+  // that no origin is rounded.
+  const auto res = static_cast<float>(resolution_m);
+  grid->setSize(
+      0.0F, res * static_cast<float>(width), 0.0F, res * static_cast<float>(height), res, 0.5F);
+  assert(grid->getSizeX() == static_cast<unsigned>(width));
+  assert(grid->getSizeY() == static_cast<unsigned>(height));
+  for (int iy = 0; iy < height; ++iy) {
+    for (int ix = 0; ix < width; ++ix) {
+      const auto kind = static_cast<std::size_t>(
+          cells
+              [static_cast<std::size_t>(iy) * static_cast<std::size_t>(width) +
+               static_cast<std::size_t>(ix)]);
+      grid->setCell(ix, iy, kFreeness[kind]);
+    }
+  }
+  return {grid, compose(T_map_grid, Pose2{p_grid_corner.x, p_grid_corner.y, 0.0})};
+}
+
+OccupancyMap OccupancyMap::movedBy(const Pose2& T_new_map) const {
+  OccupancyMap moved = *this;
+  moved.T_map_grid_ = compose(T_new_map, T_map_grid_);
+  return moved;
+}
+
+Cell OccupancyMap::cell(int ix, int iy) const {
+  const float freeness = grid_->getCell(ix, iy);
+  if (freeness < kOccupiedBelow) return Cell::kOccupied;
+  return freeness > kFreeAbove ? Cell::kFree : Cell::kUnknown;
+}
+
+Cell OccupancyMap::at(const Point2& p_map) const {
+  const Point2 p = transform(inverse(T_map_grid_), p_map);
+  const double fx = std::floor((p.x - p_grid_corner_.x) / resolution_m_);
+  const double fy = std::floor((p.y - p_grid_corner_.y) / resolution_m_);
+  if (!(fx >= 0.0 && fy >= 0.0 && fx < width_ && fy < height_)) return Cell::kUnknown;
+  return cell(static_cast<int>(fx), static_cast<int>(fy));
+}
+
+std::size_t OccupancyMap::count(Cell kind) const {
+  std::size_t n = 0;
+  for (int iy = 0; iy < height_; ++iy) {
+    for (int ix = 0; ix < width_; ++ix) n += cell(ix, iy) == kind ? 1U : 0U;
+  }
+  return n;
+}
+
+}  // namespace vestibule::grid
