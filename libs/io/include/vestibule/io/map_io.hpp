@@ -1,0 +1,26 @@
+#pragma once
+
+#include <string>
+
+#include "vestibule/grid/occupancy_map.hpp"
+
+namespace vestibule::io {
+
+/// Loads a prebuilt map by its file name: map_server .yaml/.yml (PNG, PGM, BMP image; modes
+/// trinary, scale and raw; negate; thresholds; origin with yaw), MRPT .gridmap[.gz], MRPT
+/// .simplemap[.gz] (its scans inserted at 0.05 m). Throws ConfigError with file:line for a problem
+/// in a map YAML, InputError for a missing or unreadable image or MRPT file.
+[[nodiscard]] grid::OccupancyMap loadMap(const std::string& path);
+
+/// Writes a map_server map: YAML and an 8-bit PGM in trinary coding (0 occupied, 205 unknown, 254
+/// free). The YAML names the image relative to itself. loadMap() gives the same cells and pose.
+/// \param image_name  name of the image as the YAML shall write it, when the files are renamed
+///                    later; empty = the file name of image_path
+/// Throws InputError when a file cannot be written.
+void saveMapServer(
+    const grid::OccupancyMap& map,
+    const std::string& yaml_path,
+    const std::string& image_path,
+    const std::string& image_name = {});
+
+}  // namespace vestibule::io
