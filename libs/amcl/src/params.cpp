@@ -1,0 +1,51 @@
+#include "vestibule/amcl/params.hpp"
+
+namespace vestibule::amcl {
+
+void describe(ParamIo& io, MotionNoise& p) {
+  io.optional("trans_per_trans", p.trans_per_trans, nonNegative());
+  io.optional("trans_per_rot_m_per_rad", p.trans_per_rot, nonNegative());
+  io.optional("rot_per_trans_rad_per_m", p.rot_per_trans, nonNegative());
+  io.optional("rot_per_rot", p.rot_per_rot, nonNegative());
+  io.optional("min_trans_m", p.min_trans_m, positive());
+  io.optionalDegrees("min_rot_deg", p.min_rot_rad, positive());
+}
+
+void describe(ParamIo& io, LikelihoodField& p) {
+  io.optional("sigma_hit_m", p.sigma_hit_m, positive());
+  io.optional("z_hit", p.z_hit, inside(0.0, 1.0));
+  io.optional("z_rand", p.z_rand, inside(0.0, 1.0));
+  io.optional("max_distance_m", p.max_distance_m, positive());
+  io.optional("max_range_m", p.max_range_m, positive());
+  io.optional("max_beams", p.max_beams, within(8, 2000));
+  io.optional("min_spacing_m", p.min_spacing_m, nonNegative());
+  io.optional("effective_beams", p.effective_beams, positive());
+}
+
+void describe(ParamIo& io, Kld& p) {
+  io.optional("min_particles", p.min_particles, within(50, 1e6));
+  io.optional("max_particles", p.max_particles, within(50, 1e6));
+  io.optional("epsilon", p.epsilon, inside(0.0, 1.0));
+  io.optional("delta", p.delta, inside(0.0, 0.5));
+  io.optional("bin_m", p.bin_m, positive());
+  io.optionalDegrees("bin_deg", p.bin_rad, positive());
+  if (p.min_particles > p.max_particles) {
+    io.problem("min_particles", "must not exceed max_particles");
+  }
+}
+
+void describe(ParamIo& io, AmclParams& p) {
+  io.section("motion", p.motion);
+  io.section("likelihood_field", p.field);
+  io.section("kld", p.kld);
+  io.optional("update_min_d_m", p.update_min_d_m, nonNegative());
+  io.optionalDegrees("update_min_a_deg", p.update_min_a_rad, nonNegative());
+  io.optional("update_max_s", p.update_max_s, positive());
+  io.optional("inlier_distance_m", p.inlier_distance_m, positive());
+  io.optional("lost_inlier_share", p.lost_inlier_share, within(0.0, 1.0));
+  io.optional("trust_time_constant_s", p.trust_time_constant_s, positive());
+  io.optional("global_particles_per_m2", p.global_particles_per_m2, positive());
+  io.optional("global_max_particles", p.global_max_particles, within(100, 1e7));
+}
+
+}  // namespace vestibule::amcl
