@@ -69,7 +69,7 @@ class SkidSteerRobot {
   double left_travel_m_ = 0.0;
   double right_travel_m_ = 0.0;
   Slip slow_;  // unit-variance processes
-  double burst_left_s_ = 0.0;
+  double burst_remaining_s_ = 0.0;
   double burst_left_grip_ = 1.0;
   double burst_right_grip_ = 1.0;
 };

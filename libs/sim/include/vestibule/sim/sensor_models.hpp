@@ -131,8 +131,8 @@ class GnssModel {
   Eigen::Vector3d slow_;  // unit variance
   bool had_sky_ = true;
   std::uint64_t roof_exits_ = 0;
-  Timestamp first_fix_{};                // no fix before this
-  std::optional<Timestamp> open_since_;  // good sky without interruption
+  Timestamp first_fix_{};                    // no fix before this
+  std::optional<Timestamp> good_sky_since_;  // without interruption
   Geodetic last_position_;
 };
 
