@@ -44,10 +44,32 @@ struct NisSample {
   Decision decision = Decision::kAccepted;
 };
 
+/// A series of bounded length: every stride-th value is kept, and when it is full every second one
+/// is dropped and the stride doubled. The first value always stays.
+template <class T>
+struct Thinned {
+  std::vector<T> kept;
+  std::size_t seen = 0;
+  std::size_t stride = 1;
+
+  /// Counts one more value; true when it should be handed to keep().
+  bool next() { return seen++ % stride == 0; }
+  void keep(T value, std::size_t max_size) {
+    kept.push_back(std::move(value));
+    if (kept.size() <= max_size) return;
+    std::size_t n = 0;
+    for (std::size_t i = 0; i < kept.size(); i += 2, ++n) {
+      if (i != n) kept[n] = std::move(kept[i]);
+    }
+    kept.resize(n);
+    stride *= 2;
+  }
+};
+
 struct SensorUpdates {
   std::array<std::size_t, 4> counts{};          ///< indexed by Decision
   std::map<std::string, std::size_t> refusals;  ///< reasons of gated and rejected ones
-  std::vector<NisSample> samples;               ///< thinned evenly; dof > 0 and finite nis only
+  Thinned<NisSample> samples;                   ///< dof > 0 and finite nis only
 
   [[nodiscard]] std::size_t count(Decision decision) const {
     return counts[static_cast<std::size_t>(decision)];
@@ -103,15 +125,6 @@ class RunRecorder : public Observer {
   [[nodiscard]] std::optional<std::pair<Timestamp, Timestamp>> span() const;
 
  private:
-  /// Keeps every stride-th value and doubles the stride when full.
-  template <class T>
-  struct Thinned {
-    std::vector<T> kept;
-    std::size_t seen = 0;
-    std::size_t stride = 1;
-    [[nodiscard]] bool wantsNext() const { return seen % stride == 0; }
-    void push(T value, std::size_t max_size);
-  };
   struct Track {
     Thinned<PoseSample> samples;
     std::optional<PoseSample> last;  ///< always shown, whatever the thinning
@@ -129,7 +142,6 @@ class RunRecorder : public Observer {
   Thinned<ParticleSnapshot> snapshots_;
   std::optional<ParticleSnapshot> last_snapshot_;
   std::map<std::string, SensorUpdates> updates_;
-  std::map<std::string, Thinned<NisSample>> nis_;
   std::vector<ModeEvent> mode_events_;
   std::vector<MissionEvent> mission_events_;
   std::vector<WarningSummary> warnings_;

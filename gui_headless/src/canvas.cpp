@@ -1,0 +1,255 @@
+#include "canvas.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+
+#include "palette.hpp"
+#include "text.hpp"
+
+namespace vestibule::gui_headless {
+namespace {
+
+constexpr int kOversampling = 2;
+constexpr int kShift = 4;  // sub-pixel bits of OpenCV's drawing functions
+constexpr double kFixedPoint = kOversampling * (1 << kShift);
+constexpr double kClipMargin = 400.0;
+
+cv::Scalar bgr(std::string_view colour) {
+  const std::string hex(colour.substr(1));
+  const auto value = static_cast<unsigned>(std::strtoul(hex.c_str(), nullptr, 16));
+  return {
+      static_cast<double>(value & 255u),
+      static_cast<double>((value >> 8) & 255u),
+      static_cast<double>((value >> 16) & 255u)};
+}
+
+// OpenCV puts the centre of the first pixel at 0; ours is its outer edge.
+cv::Point fixedPoint(Canvas::Px p) {
+  return {
+      static_cast<int>(std::lround(p.x * kFixedPoint - 0.5 * (1 << kShift))),
+      static_cast<int>(std::lround(p.y * kFixedPoint - 0.5 * (1 << kShift)))};
+}
+
+int thickness(double width) {
+  return std::max(1, static_cast<int>(std::lround(width * kOversampling)));
+}
+
+// Liang-Barsky against the picture with a margin: far coordinates would overflow OpenCV's integers.
+std::optional<std::pair<Canvas::Px, Canvas::Px>> clip(
+    Canvas::Px a, Canvas::Px b, double width, double height) {
+  double t0 = 0.0;
+  double t1 = 1.0;
+  const Canvas::Px d = b - a;
+  const auto cut = [&](double p, double q) {
+    if (p == 0.0) return q >= 0.0;
+    const double t = q / p;
+    if (p < 0.0) {
+      t0 = std::max(t0, t);
+    } else {
+      t1 = std::min(t1, t);
+    }
+    return t0 <= t1;
+  };
+  const bool visible = cut(-d.x, a.x + kClipMargin) && cut(d.x, width + kClipMargin - a.x) &&
+                       cut(-d.y, a.y + kClipMargin) && cut(d.y, height + kClipMargin - a.y);
+  if (!visible || !std::isfinite(a.x + a.y + b.x + b.y)) return std::nullopt;
+  return std::make_pair(a + t0 * d, a + t1 * d);
+}
+
+constexpr int kFont = cv::FONT_HERSHEY_DUPLEX;
+constexpr double kCapHeightOfFont = 21.0;  // pixels at scale 1
+constexpr double kCapHeightOfSize = 0.72;
+
+double fontScale(const Canvas::TextLook& look) {
+  return look.size * kCapHeightOfSize * kOversampling / kCapHeightOfFont;
+}
+int strokeOf(const Canvas::TextLook& look) {
+  return std::max(1, static_cast<int>(std::lround(look.size / (look.bold ? 5.5 : 11.0))));
+}
+
+}  // namespace
+
+Canvas::Canvas(int width_px, int height_px, std::string_view background)
+    : image_(height_px * kOversampling, width_px * kOversampling, CV_8UC3, bgr(background)),
+      width_(width_px),
+      height_(height_px) {}
+
+void Canvas::line(Px a, Px b, std::string_view colour, double width) {
+  const auto part = clip(a, b, width_, height_);
+  if (!part) return;
+  cv::line(
+      image_,
+      fixedPoint(part->first),
+      fixedPoint(part->second),
+      bgr(colour),
+      thickness(width),
+      cv::LINE_AA,
+      kShift);
+}
+
+void Canvas::polyline(const std::vector<Px>& points, std::string_view colour, double width) {
+  for (std::size_t i = 1; i < points.size(); ++i) line(points[i - 1], points[i], colour, width);
+}
+
+void Canvas::dashedPolyline(
+    const std::vector<Px>& points, std::string_view colour, double width, double on, double off) {
+  const double period = on + off;
+  double phase = 0.0;  // position within the current dash and gap
+  for (std::size_t i = 1; i < points.size(); ++i) {
+    const auto part = clip(points[i - 1], points[i], width_, height_);
+    if (!part) continue;
+    const Px d = part->second - part->first;
+    const double length = std::hypot(d.x, d.y);
+    double s = 0.0;
+    while (s < length) {
+      const double until = std::min(length, s + (phase < on ? on : period) - phase);
+      if (phase < on) {
+        line(part->first + d * (s / length), part->first + d * (until / length), colour, width);
+      }
+      phase += until - s;
+      if (phase >= period - 1e-9) phase = 0.0;
+      // A step lost to rounding would repeat for ever.
+      s = until > s ? until : length;
+    }
+  }
+}
+
+void Canvas::fillPolygon(const std::vector<Px>& points, std::string_view colour) {
+  if (points.size() < 3) return;
+  std::vector<cv::Point> corners;
+  for (const Px& p : points) {
+    if (std::abs(p.x) > 1e6 || std::abs(p.y) > 1e6) return;
+    corners.push_back(fixedPoint(p));
+  }
+  cv::fillPoly(
+      image_, std::vector<std::vector<cv::Point>>{corners}, bgr(colour), cv::LINE_AA, kShift);
+}
+
+void Canvas::fillRect(const cv::Rect2d& rect, std::string_view colour) {
+  const auto round = [](double v) { return static_cast<int>(std::lround(v * kOversampling)); };
+  const cv::Rect pixels(
+      cv::Point(round(rect.x), round(rect.y)),
+      cv::Point(round(rect.x + rect.width), round(rect.y + rect.height)));
+  const cv::Rect visible = pixels & cv::Rect(0, 0, image_.cols, image_.rows);
+  if (visible.area() > 0) image_(visible).setTo(bgr(colour));
+}
+
+void Canvas::strokeRect(const cv::Rect2d& r, std::string_view colour, double width) {
+  polyline(
+      {{r.x, r.y},
+       {r.x + r.width, r.y},
+       {r.x + r.width, r.y + r.height},
+       {r.x, r.y + r.height},
+       {r.x, r.y}},
+      colour,
+      width);
+}
+
+void Canvas::fillCircle(Px centre, double radius, std::string_view colour) {
+  if (!(std::abs(centre.x) < 1e6 && std::abs(centre.y) < 1e6)) return;
+  const int r = static_cast<int>(std::lround(radius * kFixedPoint));
+  cv::circle(image_, fixedPoint(centre), r, bgr(colour), cv::FILLED, cv::LINE_AA, kShift);
+}
+
+void Canvas::strokeCircle(Px centre, double radius, std::string_view colour, double width) {
+  if (!(std::abs(centre.x) < 1e6 && std::abs(centre.y) < 1e6)) return;
+  const int r = static_cast<int>(std::lround(radius * kFixedPoint));
+  cv::circle(image_, fixedPoint(centre), r, bgr(colour), thickness(width), cv::LINE_AA, kShift);
+}
+
+double Canvas::textWidth(const std::string& words, const TextLook& look) {
+  int base = 0;
+  const cv::Size size =
+      cv::getTextSize(asciiText(words), kFont, fontScale(look), strokeOf(look), &base);
+  return static_cast<double>(size.width) / kOversampling;
+}
+
+void Canvas::text(const std::string& words, Px baseline, const TextLook& look) {
+  const double width = textWidth(words, look);
+  double x = baseline.x;
+  if (look.align == Align::kCentre) x -= 0.5 * width;
+  if (look.align == Align::kRight) x -= width;
+  const cv::Point origin(
+      static_cast<int>(std::lround(x * kOversampling)),
+      static_cast<int>(std::lround(baseline.y * kOversampling)));
+  const std::string ascii = asciiText(words);
+  const int stroke = strokeOf(look);
+  if (look.halo) {
+    cv::putText(
+        image_,
+        ascii,
+        origin,
+        kFont,
+        fontScale(look),
+        bgr(palette::kPaper),
+        stroke + 7,
+        cv::LINE_AA);
+  }
+  cv::putText(image_, ascii, origin, kFont, fontScale(look), bgr(look.colour), stroke, cv::LINE_AA);
+}
+
+void Canvas::blend(double opacity, const std::function<void()>& draw) {
+  const cv::Mat before = image_.clone();
+  draw();
+  cv::addWeighted(image_, opacity, before, 1.0 - opacity, 0.0, image_);
+}
+
+void Canvas::clipped(const cv::Rect2d& rect, const std::function<void()>& draw) {
+  const cv::Mat before = image_.clone();
+  draw();
+  const auto round = [](double v) { return static_cast<int>(std::lround(v * kOversampling)); };
+  const cv::Rect pixels = cv::Rect(
+                              cv::Point(round(rect.x), round(rect.y)),
+                              cv::Point(round(rect.x + rect.width), round(rect.y + rect.height))) &
+                          cv::Rect(0, 0, image_.cols, image_.rows);
+  cv::Mat inside = image_(pixels).clone();
+  before.copyTo(image_);
+  inside.copyTo(image_(pixels));
+}
+
+void Canvas::overlay(const cv::Mat& image, const cv::Matx23d& M, bool smooth) {
+  // Both images count from pixel centres: shift by half a pixel before and after.
+  cv::Matx23d pixels = M * static_cast<double>(kOversampling);
+  pixels(0, 2) += 0.5 * (pixels(0, 0) + pixels(0, 1)) - 0.5;
+  pixels(1, 2) += 0.5 * (pixels(1, 0) + pixels(1, 1)) - 0.5;
+  cv::Mat warped;
+  cv::warpAffine(
+      image,
+      warped,
+      pixels,
+      image_.size(),
+      smooth ? cv::INTER_LINEAR : cv::INTER_NEAREST,
+      cv::BORDER_CONSTANT);
+  for (int y = 0; y < image_.rows; ++y) {
+    const auto* over = warped.ptr<cv::Vec4b>(y);
+    auto* below = image_.ptr<cv::Vec3b>(y);
+    for (int x = 0; x < image_.cols; ++x) {
+      const int transparency = 255 - over[x][3];
+      if (transparency == 255) continue;
+      for (int c = 0; c < 3; ++c) {
+        below[x][c] =
+            cv::saturate_cast<uchar>(over[x][c] + (below[x][c] * transparency + 127) / 255);
+      }
+    }
+  }
+}
+
+std::string Canvas::png() const {
+  cv::Mat shrunk;
+  cv::resize(
+      image_,
+      shrunk,
+      {image_.cols / kOversampling, image_.rows / kOversampling},
+      0.0,
+      0.0,
+      cv::INTER_AREA);
+  std::vector<uchar> bytes;
+  cv::imencode(".png", shrunk, bytes, {cv::IMWRITE_PNG_COMPRESSION, 9});
+  return {bytes.begin(), bytes.end()};
+}
+
+}  // namespace vestibule::gui_headless

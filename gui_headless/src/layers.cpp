@@ -1,0 +1,242 @@
+#include "layers.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "palette.hpp"
+#include "text.hpp"
+
+namespace vestibule::gui_headless {
+namespace {
+
+using Px = Canvas::Px;
+
+cv::Vec3d bgrOf(std::string_view colour) {
+  const auto channel = [&](std::size_t at) {
+    return static_cast<double>(std::stoi(std::string(colour.substr(at, 2)), nullptr, 16));
+  };
+  return {channel(5), channel(3), channel(1)};
+}
+
+std::vector<Px> pixels(const View& view, const geo::Polygon& polygon) {
+  std::vector<Px> corners;
+  for (const Point2& p : polygon) corners.push_back(view(p));
+  return corners;
+}
+
+}  // namespace
+
+void LabelPlacer::draw(
+    Canvas& canvas, const std::string& words, Px anchor, double gap, const Canvas::TextLook& look) {
+  const double w = Canvas::textWidth(words, look);
+  const double h = look.size;
+  const double d = 0.7 * gap;
+  const std::vector<cv::Point2d> corners = {
+      {gap, -0.5 * h},
+      {-gap - w, -0.5 * h},
+      {-0.5 * w, -gap - h},
+      {-0.5 * w, gap},
+      {d, -d - h},
+      {d, d},
+      {-d - w, -d - h},
+      {-d - w, d}};
+  cv::Rect2d chosen(anchor.x + gap, anchor.y - 0.5 * h, w, h);
+  for (const auto& corner : corners) {
+    const cv::Rect2d rect(anchor.x + corner.x, anchor.y + corner.y, w, h);
+    const cv::Rect2d roomy(rect.x - 3, rect.y - 2, rect.width + 6, rect.height + 4);
+    const bool inside = (roomy & area_).area() >= roomy.area() - 1e-6;
+    const bool is_free = std::none_of(taken_.begin(), taken_.end(), [&](const cv::Rect2d& other) {
+      return (roomy & other).area() > 0.0;
+    });
+    if (!inside || !is_free) continue;
+    chosen = rect;
+    break;
+  }
+  taken_.push_back(chosen);
+  Canvas::TextLook left = look;
+  left.align = Canvas::Align::kLeft;
+  canvas.text(words, {chosen.x, chosen.y + 0.86 * h}, left);
+}
+
+void drawGrid(Canvas& canvas, const View& view) {
+  const int wanted = std::max(2, static_cast<int>(view.area().width / 130.0));
+  const Ticks x = niceTicks(view.west(), view.east(), wanted);
+  const cv::Rect2d& a = view.area();
+  for (const double v : x.values) {
+    const double px = view(Point2(v, 0.0)).x;
+    canvas.line({px, a.y}, {px, a.y + a.height}, palette::kLine, 0.5);
+  }
+  const auto first = static_cast<long long>(std::ceil(view.south() / x.step));
+  const auto last = static_cast<long long>(std::floor(view.north() / x.step));
+  for (long long i = first; i <= last; ++i) {
+    const double py = view(Point2(0.0, static_cast<double>(i) * x.step)).y;
+    canvas.line({a.x, py}, {a.x + a.width, py}, palette::kLine, 0.5);
+  }
+}
+
+void drawGridLabels(Canvas& canvas, const View& view, LabelPlacer& labels) {
+  const cv::Rect2d& a = view.area();
+  const int wanted = std::max(2, static_cast<int>(a.width / 130.0));
+  const Ticks x = niceTicks(view.west(), view.east(), wanted);
+  Canvas::TextLook look{11.0, palette::kMuted, false, true, Canvas::Align::kCentre};
+  for (const double v : x.values) {
+    const double px = view(Point2(v, 0.0)).x;
+    if (px < a.x + 30 || px > a.x + a.width - 40) continue;
+    const std::string words = fixed(v, x.decimals);
+    canvas.text(words, {px, a.y + a.height - 7}, look);
+    labels.block({px - 25, a.y + a.height - 20, 50, 20});
+  }
+  look.align = Canvas::Align::kLeft;
+  const auto first = static_cast<long long>(std::ceil(view.south() / x.step));
+  const auto last = static_cast<long long>(std::floor(view.north() / x.step));
+  for (long long i = first; i <= last; ++i) {
+    const double v = static_cast<double>(i) * x.step;
+    const double py = view(Point2(0.0, v)).y;
+    if (py > a.y + a.height - 30 || py < a.y + 14) continue;
+    const std::string words = fixed(v, x.decimals);
+    canvas.text(words, {a.x + 7, py + 4}, look);
+    labels.block({a.x, py - 8, Canvas::textWidth(words, look) + 14, 16});
+  }
+}
+
+void drawPriorMap(Canvas& canvas, const View& view, const grid::OccupancyMap& map) {
+  const int w = map.width();
+  const int h = map.height();
+  if (w <= 0 || h <= 0) return;
+  cv::Mat occupied(h, w, CV_8U, cv::Scalar(0));
+  cv::Mat known(h, w, CV_8U, cv::Scalar(0));
+  for (int y = 0; y < h; ++y) {  // row 0 is the southern one here; M turns it over
+    auto* occupied_row = occupied.ptr<uchar>(y);
+    auto* known_row = known.ptr<uchar>(y);
+    for (int x = 0; x < w; ++x) {
+      const grid::Cell cell = map.cell(x, y);
+      occupied_row[x] = cell == grid::Cell::kOccupied ? 255 : 0;
+      known_row[x] = cell == grid::Cell::kUnknown ? 0 : 255;
+    }
+  }
+  // Where many cells share a pixel, average them first, and strengthen walls of one cell's width
+  // so that they do not fade away.
+  const double px_per_cell = view.pxPerMetre() * map.resolution();
+  double gain = 1.0;
+  if (px_per_cell < 0.5) {
+    const double shrink = 1.0 / (2.0 * px_per_cell);
+    const cv::Size size(
+        std::max(1, static_cast<int>(std::lround(w / shrink))),
+        std::max(1, static_cast<int>(std::lround(h / shrink))));
+    cv::resize(occupied, occupied, size, 0.0, 0.0, cv::INTER_AREA);
+    cv::resize(known, known, size, 0.0, 0.0, cv::INTER_AREA);
+    gain = std::clamp(0.8 * shrink, 1.0, 5.0);
+  }
+  const cv::Vec3d paper = bgrOf(palette::kPaper);
+  const cv::Vec3d wall = bgrOf(palette::kWall);
+  cv::Mat image(occupied.size(), CV_8UC4);
+  for (int y = 0; y < image.rows; ++y) {
+    for (int x = 0; x < image.cols; ++x) {
+      const double o = std::min(1.0, gain * occupied.at<uchar>(y, x) / 255.0);
+      const double alpha = std::max(o, known.at<uchar>(y, x) / 255.0);
+      const cv::Vec3d colour = ((1.0 - o) * paper + o * wall) * alpha;
+      image.at<cv::Vec4b>(y, x) = {
+          cv::saturate_cast<uchar>(colour[0]),
+          cv::saturate_cast<uchar>(colour[1]),
+          cv::saturate_cast<uchar>(colour[2]),
+          cv::saturate_cast<uchar>(255.0 * alpha)};
+    }
+  }
+  const double step_x = map.resolution() * w / image.cols;
+  const double step_y = map.resolution() * h / image.rows;
+  const auto toPixel = [&](double column, double row) {
+    const Point2 p_grid(map.corner().x + column * step_x, map.corner().y + row * step_y);
+    return view(transform(map.T_map_grid(), p_grid));
+  };
+  const Px origin = toPixel(0, 0);
+  const Px along_x = toPixel(1, 0) - origin;
+  const Px along_y = toPixel(0, 1) - origin;
+  const cv::Matx23d M(along_x.x, along_y.x, origin.x, along_x.y, along_y.y, origin.y);
+  canvas.overlay(image, M, px_per_cell < 1.0);
+}
+
+void drawBuildingFill(Canvas& canvas, const View& view, const geo::Site& site) {
+  canvas.blend(0.5, [&] {
+    for (const auto& building : site.buildings) {
+      canvas.fillPolygon(pixels(view, building.outline), "#dde4ec");
+    }
+  });
+}
+
+void drawBuildingLines(Canvas& canvas, const View& view, const geo::Site& site) {
+  for (const auto& building : site.buildings) {
+    if (building.outline.empty()) continue;
+    std::vector<Px> ring = pixels(view, building.outline);
+    ring.push_back(ring.front());
+    canvas.polyline(ring, palette::kBuilding, 1.0);
+  }
+}
+
+void drawDoors(Canvas& canvas, const View& view, const geo::Site& site) {
+  for (const auto& door : site.doors) {
+    canvas.line(view(door.a), view(door.b), palette::kPaper, 7.5);
+    canvas.line(view(door.a), view(door.b), palette::kDoor, 4.5);
+  }
+}
+
+void drawScaleBar(Canvas& canvas, const View& view, LabelPlacer& labels) {
+  const cv::Rect2d& a = view.area();
+  // The largest nice length within a sixth of the picture.
+  double length_m = niceStep(a.width / 6.0 / view.pxPerMetre());
+  while (length_m * view.pxPerMetre() > a.width / 6.0 + 1.0) {
+    length_m = niceStep(length_m * 0.4);
+  }
+  const double length = length_m * view.pxPerMetre();
+  const double right = a.x + a.width - 28;
+  const double y = a.y + a.height - 34;
+  const cv::Rect2d plate(right - length - 16, y - 28, length + 32, 42);
+  canvas.blend(0.85, [&] { canvas.fillRect(plate, palette::kPaper); });
+  canvas.line({right - length, y}, {right, y}, palette::kInk, 2.0);
+  canvas.line({right - length, y - 5}, {right - length, y + 5}, palette::kInk, 2.0);
+  canvas.line({right, y - 5}, {right, y + 5}, palette::kInk, 2.0);
+  const std::string words =
+      length_m >= 1000.0 ? compact(length_m / 1000.0, 3) + " km" : compact(length_m, 3) + " m";
+  canvas.text(
+      words,
+      {right - 0.5 * length, y - 10},
+      {13.0, palette::kInk, false, false, Canvas::Align::kCentre});
+  labels.block(plate);
+}
+
+void drawNorthArrow(Canvas& canvas, const View& view, LabelPlacer& labels) {
+  const Px tip(view.area().x + view.area().width - 34, view.area().y + 34);
+  canvas.blend(0.85, [&] { canvas.fillCircle({tip.x, tip.y + 12}, 30, palette::kPaper); });
+  canvas.fillPolygon({tip, {tip.x - 9, tip.y + 26}, {tip.x, tip.y + 20}}, palette::kMuted);
+  canvas.fillPolygon({tip, {tip.x + 9, tip.y + 26}, {tip.x, tip.y + 20}}, palette::kInk);
+  canvas.text("N", {tip.x, tip.y - 4}, {12.0, palette::kInk, true, false, Canvas::Align::kCentre});
+  labels.block({tip.x - 30, tip.y - 18, 60, 60});
+}
+
+std::vector<Point2> knownCorners(const grid::OccupancyMap& map) {
+  int x0 = map.width();
+  int x1 = -1;
+  int y0 = map.height();
+  int y1 = -1;
+  for (int y = 0; y < map.height(); ++y) {
+    for (int x = 0; x < map.width(); ++x) {
+      if (map.cell(x, y) == grid::Cell::kUnknown) continue;
+      x0 = std::min(x0, x);
+      x1 = std::max(x1, x);
+      y0 = std::min(y0, y);
+      y1 = std::max(y1, y);
+    }
+  }
+  std::vector<Point2> corners;
+  if (x1 < 0) return corners;
+  for (const int x : {x0, x1 + 1}) {
+    for (const int y : {y0, y1 + 1}) {
+      const Point2 p_grid(
+          map.corner().x + x * map.resolution(), map.corner().y + y * map.resolution());
+      corners.push_back(transform(map.T_map_grid(), p_grid));
+    }
+  }
+  return corners;
+}
+
+}  // namespace vestibule::gui_headless
