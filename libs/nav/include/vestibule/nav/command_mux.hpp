@@ -78,7 +78,7 @@ class CommandMux {
     Command command;
     CommandSource source = CommandSource::kNone;
     /// Why the command is less than was asked for: "", "emergency stop", "no pose", "stale pose",
-    /// "no scan", "stale scan", "obstacle".
+    /// "no scan", "stale scan", "not a number", "obstacle".
     std::string_view limit;
     double clearance_m = 0.0;
   };

@@ -56,8 +56,24 @@ struct Mission {
   std::string file;
 };
 
-/// Reads and checks a mission file (form in docs/missions.md). Everything wrong with it is listed
-/// in one ConfigError, one line per problem with file and line.
+/// Reads and checks a mission file. Everything wrong with it is listed in one ConfigError, one line
+/// per problem with file and line. The form:
+///
+///   name: forage round
+///   site: ../sites/farm.yaml          # relative to the mission file
+///   sim: ../sim/rtk.yaml              # optional
+///   start: {x: 3.0, y: 4.0, yaw_deg: 90.0}
+///   paths:
+///     - name: to the stable
+///       tolerance_m: 0.5              # optional, for the path's waypoints
+///       waypoints:
+///         charging_exit: [36.8, -2.4, 20.0, 90.0]      # lat, lon [deg], alt [m], yaw [deg, ENU]
+///         door_outside: {x: 12.0, y: 3.0, yaw_deg: 0.0, tolerance_m: 0.3}    # map metres
+///       task: {type: wait, duration_s: 2.0}            # or a word (task: photo), or a list
+///
+/// Tasks: {type: wait, duration_s}, {type: input, prompt, default, timeout_s}, {type: photo, file},
+/// {type: switch_localization, mode: indoor | outdoor | auto, timeout_s}. The altitude is read and
+/// checked, and not used: driving is planar. The yaw may be left out of both forms of a waypoint.
 ///
 /// \param site gives the datum of geodetic waypoints and the outdoor area they must lie in
 [[nodiscard]] Mission loadMission(const std::string& path, const geo::Site& site);

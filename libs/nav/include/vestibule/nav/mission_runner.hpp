@@ -30,7 +30,7 @@ struct MissionRunnerParams {
   ObstacleMemoryParams memory;
   RecoveryParams recovery;
   double standstill_mps = 0.03;     ///< [m/s] slower than this is standing
-  double standstill_radps = 0.03;   ///< [rad/s]
+  double standstill_radps = 0.05;   ///< [rad/s]
   double lost_pose_abort_s = 60.0;  ///< [s] without a valid pose: give up
 };
 void describe(ParamIo& io, MissionRunnerParams& params);
@@ -61,6 +61,7 @@ struct RunnerInput {
   double omega_radps = 0.0;
   const std::vector<Point2>* scan_base = nullptr;  ///< newest scan's end points; null = none yet
   std::optional<Timestamp> scan_stamp;
+  Point2 p_base_laser;  ///< where the lidar sits
 };
 
 enum class RunnerState { kDriving, kInTask, kRecovering, kPaused, kDone, kAborted };
@@ -106,9 +107,12 @@ class MissionRunner {
   enum class Phase { kStartPath, kDriving, kTask, kRecovery, kDone, kAborted };
   enum class RecoveryStep { kWait, kMove };
 
+  void lookAround(const RunnerInput& input);
+  [[nodiscard]] bool hasPose(const RunnerInput& input);
   void startPath(Timestamp stamp);
   void passWaypoints(Timestamp stamp, std::size_t reached_of_goals);
-  std::optional<Command> drive(const RunnerInput& input, const std::vector<Point2>& obstacles);
+  void endPath(Timestamp stamp);
+  std::optional<Command> drive(const RunnerInput& input);
   std::optional<Command> runTask(const RunnerInput& input);
   std::optional<Command> recover(const RunnerInput& input);
   void finishTask(Timestamp stamp, const std::string& text);
@@ -120,6 +124,8 @@ class MissionRunner {
       const std::string& waypoint,
       const std::string& text) const;
   [[nodiscard]] bool stands(const RunnerInput& input) const;
+  /// Gives the driver what is left of the path, with its progress checks starting afresh.
+  void resumeDriving();
 
   Mission mission_;
   MissionRunnerParams params_;
@@ -128,6 +134,9 @@ class MissionRunner {
   const Observers& observers_;
   CommandMux mux_;
   ObstacleMemory memory_;
+  std::optional<Timestamp> scan_stamp_;  // of the scan in obstacles_odom_
+  std::vector<Point2> obstacles_odom_;
+  std::vector<Point2> obstacles_base_;
 
   Phase phase_ = Phase::kStartPath;
   bool paused_ = false;

@@ -26,8 +26,13 @@ class ObstacleMemory {
   ObstacleMemory(const ObstacleMemoryParams& params, const Footprint& footprint);
 
   /// Takes one scan (its end points in the base frame) and gives them with the remembered ones.
+  ///
+  /// \param p_base_laser from where the scan was taken
   [[nodiscard]] std::vector<Point2> update(
-      Timestamp stamp, const Pose2& T_odom_base, const std::vector<Point2>& scan_base);
+      Timestamp stamp,
+      const Pose2& T_odom_base,
+      const std::vector<Point2>& scan_base,
+      const Point2& p_base_laser);
 
   void clear() { points_.clear(); }
 
@@ -35,6 +40,7 @@ class ObstacleMemory {
   struct Remembered {
     Point2 p_odom;
     Timestamp seen;
+    int scans = 0;  // how many scans have confirmed it
   };
   ObstacleMemoryParams params_;
   Footprint footprint_;
