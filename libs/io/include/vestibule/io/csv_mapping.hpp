@@ -36,6 +36,7 @@ struct CsvWheels {
   double unit_mps = 1.0;        ///< [m/s] per unit of the columns
   double track_m = 0.0;         ///< [m] distance of the wheels' contact lines
   double distance_scale = 1.0;  ///< true distance / wheel distance
+  double max_dt_s = 2.0;        ///< [s] over a longer gap between rows no increment is made
   bool optional = false;
   double delay_s = 0.0;
 };

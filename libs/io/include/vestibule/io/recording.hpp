@@ -46,6 +46,9 @@ class RecordingReader {
   [[nodiscard]] virtual std::vector<std::string> notes() const = 0;
   /// "MRPT rawlog", "CARMEN log", "ROS 1 bag", "CSV".
   [[nodiscard]] virtual std::string format() const = 0;
+  /// Sensor mounting as far as known by now: what the recording carries (poses beside the scans,
+  /// tf_static, sensor poses), else RecordingOptions::rig. Read it after the measurement it is for.
+  [[nodiscard]] virtual const SensorRig& rig() const = 0;
 };
 
 /// Opens a recording by its content: MRPT .rawlog (plain or gz; observations or actions and sensory

@@ -1,0 +1,328 @@
+#include <array>
+#include <cmath>
+
+#include "readers.hpp"
+#include "vestibule/core/angles.hpp"
+#include "vestibule/core/errors.hpp"
+
+namespace vestibule::io {
+namespace {
+
+// A SICK LMS writes its error codes (dazzled, no echo, ...) as 8183..8191 cm.
+constexpr double kSickErrorCodes_m = 81.825;
+constexpr std::size_t kMountProbeLines = 20;
+constexpr double kMountTolerance_m = 0.02;
+constexpr double kMountTolerance_rad = 0.01;
+constexpr double kMountLimit_m = 1.0;
+
+constexpr std::array<std::string_view, 22> kKeywords{
+    "PARAM",     "SYNC",      "ODOM",      "FLASER",      "RLASER",      "LASER3",
+    "LASER4",    "LASER5",    "TRUEPOS",   "RAWLASER1",   "RAWLASER2",   "RAWLASER3",
+    "RAWLASER4", "RAWLASER5", "NEFF",      "ROBOTLASER0", "ROBOTLASER1", "ROBOTLASER2",
+    "NMEAGGA",   "NMEARMC",   "IPC_DELTA", "MARKER"};
+
+/// Words of one line, taken in order with checks that name the place.
+class Fields {
+ public:
+  Fields(const std::vector<std::string_view>& words, const LineReader& lines)
+      : words_(words), lines_(lines) {}
+
+  void expectWords(std::size_t n) const {
+    if (words_.size() < n) {
+      throw InputError(
+          lines_.where() + ": " + std::string(words_[0]) + " line has " +
+          std::to_string(words_.size()) + " words instead of " + std::to_string(n) +
+          "; the log is cut off or damaged here");
+    }
+  }
+  double number(std::size_t i) const {
+    const double value = range(i);
+    if (!std::isfinite(value)) fail(i, "a finite number");
+    return value;
+  }
+  /// NaN and infinity are fine: they are how some recorders say "no echo".
+  double range(std::size_t i) const {
+    double value = 0.0;
+    if (!parseNumber(words_[i], value)) fail(i, "a number");
+    return value;
+  }
+  Pose2 pose(std::size_t i, double unit_m = 1.0) const {
+    return {unit_m * number(i), unit_m * number(i + 1), wrapToPi(number(i + 2))};
+  }
+  Timestamp stamp(std::size_t i) const {
+    const auto stamp = parseSeconds(words_[i]);
+    if (!stamp) fail(i, "a time in seconds");
+    return *stamp;
+  }
+  std::size_t count(std::size_t i) const {
+    const double n = number(i);
+    if (n < 0.0 || n > 100000.0 || n != std::floor(n)) fail(i, "a number of readings");
+    return static_cast<std::size_t>(n);
+  }
+  [[noreturn]] void fail(std::size_t i, const std::string& expected) const {
+    throw InputError(
+        lines_.where() + ": word " + std::to_string(i + 1) + " of the " + std::string(words_[0]) +
+        " line is " + quoted(words_[i]) + ", not " + expected +
+        "; the log is damaged here: cut the line out or get another copy");
+  }
+
+ private:
+  const std::vector<std::string_view>& words_;
+  const LineReader& lines_;
+};
+
+/// What one line says, before it becomes records.
+struct Line {
+  std::optional<LaserScan> scan;
+  std::optional<Pose2> T_odom_laser;
+  Timestamp stamp;
+  Pose2 T_odom_base;
+};
+
+// With an odd count the beams span the half circle; with an even one the last stops one step short
+// of +90 degrees.
+void setHalfCircle(LaserScan& scan) {
+  const std::size_t n = scan.ranges_m.size();
+  scan.angle_min_rad = -kPi / 2.0;
+  scan.angle_step_rad = n < 2 ? kPi : kPi / static_cast<double>(n % 2 == 1 ? n - 1 : n);
+}
+
+/// Angles in logs are rounded to six digits; devices step in multiples of 0.05 degrees.
+double snappedStep(double step_rad) {
+  constexpr double kUnit = 0.05 * kRadPerDeg;
+  const double snapped = std::round(step_rad / kUnit) * kUnit;
+  return std::abs(snapped - step_rad) < 2e-6 ? snapped : step_rad;
+}
+
+// FLASER n r1..rn  laser x y theta  robot x y theta  ipc_time host logger_time
+Line parseFlaser(const Fields& f) {
+  f.expectWords(2);
+  const std::size_t n = f.count(1);
+  f.expectWords(n + 11);
+  Line line;
+  LaserScan& scan = line.scan.emplace();
+  scan.range_max_m = kSickErrorCodes_m;
+  scan.ranges_m.reserve(n);
+  for (std::size_t i = 0; i < n; ++i) scan.ranges_m.push_back(static_cast<float>(f.range(2 + i)));
+  setHalfCircle(scan);
+  line.T_odom_laser = f.pose(2 + n);
+  line.T_odom_base = f.pose(5 + n);
+  line.stamp = f.stamp(8 + n);
+  return line;
+}
+
+// ROBOTLASER1 type start fov step max_range accuracy remission_mode n r1..rn m e1..em
+//   laser x y theta  robot x y theta  tv rv forward_dist side_dist turn_axis ipc_time host logger
+Line parseRobotLaser(const Fields& f) {
+  f.expectWords(9);
+  const std::size_t n = f.count(8);
+  f.expectWords(10 + n);
+  const std::size_t m = f.count(9 + n);
+  f.expectWords(24 + n + m);
+  Line line;
+  LaserScan& scan = line.scan.emplace();
+  // The field of view in the line is the device's, also where it sends every second set of beams:
+  // start and step are what places a beam.
+  scan.angle_min_rad = f.number(2);
+  scan.angle_step_rad = snappedStep(f.number(4));
+  scan.range_max_m = std::min(f.number(5), kSickErrorCodes_m);
+  if (!(scan.range_max_m > 0.0)) f.fail(5, "a positive maximum range");
+  scan.ranges_m.reserve(n);
+  for (std::size_t i = 0; i < n; ++i) scan.ranges_m.push_back(static_cast<float>(f.range(9 + i)));
+  const std::size_t p = 10 + n + m;
+  line.T_odom_laser = f.pose(p);
+  line.T_odom_base = f.pose(p + 3);
+  line.stamp = f.stamp(p + 11);
+  return line;
+}
+
+// ODOM x y theta tv rv accel ipc_time host logger_time
+Line parseOdom(const Fields& f) {
+  f.expectWords(10);
+  Line line;
+  line.T_odom_base = f.pose(1);
+  line.stamp = f.stamp(7);
+  return line;
+}
+
+constexpr double kCentimetre = 0.01;
+
+// O x y theta time   (centimetres)
+Line parseWeanOdometry(const Fields& f) {
+  f.expectWords(5);
+  Line line;
+  line.T_odom_base = f.pose(1, kCentimetre);
+  line.stamp = f.stamp(4);
+  return line;
+}
+
+// L robot x y theta  laser x y theta  r1..rn time   (centimetres)
+Line parseWeanLaser(const Fields& f, std::size_t words) {
+  f.expectWords(9);
+  Line line;
+  line.T_odom_base = f.pose(1, kCentimetre);
+  line.T_odom_laser = f.pose(4, kCentimetre);
+  LaserScan& scan = line.scan.emplace();
+  scan.range_max_m = kSickErrorCodes_m;
+  for (std::size_t i = 7; i + 1 < words; ++i) {
+    scan.ranges_m.push_back(static_cast<float>(kCentimetre * f.range(i)));
+  }
+  setHalfCircle(scan);
+  line.stamp = f.stamp(words - 1);
+  return line;
+}
+
+class CarmenReader : public RecordingReader {
+ public:
+  CarmenReader(std::unique_ptr<ByteStream> stream, const RecordingOptions& options)
+      : lines_(std::move(stream)), rig_(options.rig) {
+    probeMount();
+  }
+
+  std::optional<Record> next() override {
+    while (queue_.empty()) {
+      auto line = nextLine();
+      if (!line) {
+        if (!any_) {
+          throw InputError(
+              lines_.name() + ":" + std::to_string(lines_.lineNumber()) +
+              ": end of the log without any laser or odometry line (FLASER, ROBOTLASER1, ODOM)");
+        }
+        return std::nullopt;
+      }
+      any_ = true;
+      push(*line);
+    }
+    Record record = std::move(queue_.front());
+    queue_.pop_front();
+    return record;
+  }
+  [[nodiscard]] double progress() const override { return lines_.progress(); }
+  [[nodiscard]] std::vector<std::string> notes() const override { return notes_.texts("line"); }
+  [[nodiscard]] std::string format() const override { return "CARMEN log"; }
+  [[nodiscard]] const SensorRig& rig() const override { return rig_; }
+
+ private:
+  std::optional<Line> nextLine() {
+    std::string_view text;
+    while (lines_.next(text)) {
+      splitWords(text, words_);
+      if (words_.empty() || words_[0].front() == '#') continue;
+      const Fields f(words_, lines_);
+      keyword_ = words_[0];
+      if (keyword_ == "FLASER") return parseFlaser(f);
+      if (keyword_ == "ROBOTLASER1") return parseRobotLaser(f);
+      if (keyword_ == "ODOM") return parseOdom(f);
+      if (keyword_ == "O") return parseWeanOdometry(f);
+      if (keyword_ == "L") return parseWeanLaser(f, words_.size());
+      if (keyword_ == "PARAM") continue;
+      for (const char c : keyword_) {
+        if (c < ' ' || c > '~') {
+          throw InputError(
+              lines_.where() + ": line starts with " + quoted(keyword_) +
+              "; this is not a CARMEN log, or it is damaged here");
+        }
+      }
+      notes_.add(quoted(keyword_) + " lines ignored", lines_.lineNumber());
+    }
+    return std::nullopt;
+  }
+
+  void push(Line& line) {
+    const std::size_t number = lines_.lineNumber();
+    if (auto increment = odometry_.next(line.stamp, line.T_odom_base)) {
+      queue_.push_back({number, keyword_, *increment});
+    }
+    if (!line.scan) return;
+    LaserScan& scan = *line.scan;
+    scan.stamp = line.stamp;
+    scan.T_log_base = line.T_odom_base;
+    scan.T_base_laser = rig_.T_base_laser;
+    if (mount_from_log_ && !agrees(between(line.T_odom_base, *line.T_odom_laser))) {
+      notes_.add("laser pose beside the scan not at the laser's place on the robot", number);
+    }
+    queue_.push_back({number, keyword_, std::move(scan)});
+  }
+
+  [[nodiscard]] bool agrees(const Pose2& T_base_laser) const {
+    return distance(T_base_laser, rig_.T_base_laser) <= kMountTolerance_m &&
+           std::abs(angleDiff(T_base_laser.phi, rig_.T_base_laser.phi)) <= kMountTolerance_rad;
+  }
+
+  /// Where the laser sits follows from the two poses of a line, if the first lines agree on it.
+  /// Two equal poses say nothing: most recorders without a known offset write those.
+  void probeMount() {
+    const SensorRig given = rig_;
+    std::size_t seen = 0;
+    bool constant = true;
+    try {
+      while (seen < kMountProbeLines && constant) {
+        const auto line = nextLine();
+        if (!line) break;
+        if (!line->scan) continue;
+        const Pose2 T_base_laser = between(line->T_odom_base, *line->T_odom_laser);
+        if (seen == 0) rig_.T_base_laser = T_base_laser;
+        constant = agrees(T_base_laser);
+        ++seen;
+      }
+    } catch (const InputError&) {
+      // A damaged line: next() will come to it and say so.
+    }
+    const double offset_m = translationNorm(rig_.T_base_laser);
+    const bool carried = offset_m > 1e-6 || std::abs(rig_.T_base_laser.phi) > 1e-6;
+    mount_from_log_ = seen > 0 && constant && carried && offset_m < kMountLimit_m;
+    if (!mount_from_log_) rig_ = given;
+    lines_.rewind();
+    notes_ = {};
+  }
+
+  LineReader lines_;
+  SensorRig rig_;
+  std::vector<std::string_view> words_;
+  std::string keyword_;
+  OdometryDifferencer odometry_;
+  std::deque<Record> queue_;
+  Notes notes_;
+  bool mount_from_log_ = false;
+  bool any_ = false;
+};
+
+}  // namespace
+
+std::optional<WheelOdometry> OdometryDifferencer::next(Timestamp stamp, const Pose2& T_odom_base) {
+  std::optional<WheelOdometry> increment;
+  if (previous_) {
+    increment = WheelOdometry{
+        stamp,
+        intervalSeconds(previous_->stamp, stamp),
+        between(previous_->T_odom_base, T_odom_base)};
+  }
+  previous_ = Previous{stamp, T_odom_base};
+  return increment;
+}
+
+bool looksLikeCarmen(std::string_view head) {
+  std::vector<std::string_view> words;
+  std::size_t begin = 0;
+  while (begin < head.size()) {
+    const std::size_t end = std::min(head.find('\n', begin), head.size());
+    std::string_view line = head.substr(begin, end - begin);
+    begin = end + 1;
+    if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
+    splitWords(line, words);
+    if (words.empty() || words[0].front() == '#') continue;
+    for (const std::string_view keyword : kKeywords) {
+      if (words[0] == keyword) return true;
+    }
+    return (words[0] == "O" || words[0] == "L") && words.size() >= 2;
+  }
+  // Nothing but comments so far: other text formats here do not have any.
+  return !head.empty() && head.front() == '#';
+}
+
+std::unique_ptr<RecordingReader> openCarmen(
+    std::unique_ptr<ByteStream> stream, const RecordingOptions& options) {
+  return std::make_unique<CarmenReader>(std::move(stream), options);
+}
+
+}  // namespace vestibule::io

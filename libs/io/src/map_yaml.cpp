@@ -1,0 +1,88 @@
+#include "map_yaml.hpp"
+
+#include <cstdio>
+#include <cstdlib>
+
+namespace vestibule::io {
+namespace {
+
+constexpr double kMaxResolution_m = 100.0;
+
+/// Shortest decimals that read back as the same number.
+std::string shortest(double value) {
+  char text[40];
+  for (int digits = 1; digits <= 17; ++digits) {
+    std::snprintf(text, sizeof text, "%.*g", digits, value);
+    if (std::strtod(text, nullptr) == value) break;
+  }
+  return text;
+}
+
+/// Grids keep their cell size in single precision: 0.05 shall not come back as 0.0500000007.
+std::string shortestSingle(double value) {
+  char text[40];
+  for (int digits = 1; digits <= 9; ++digits) {
+    std::snprintf(text, sizeof text, "%.*g", digits, value);
+    if (std::strtof(text, nullptr) == static_cast<float>(value)) break;
+  }
+  return text;
+}
+
+MapYaml finish(ParamFile& file) {
+  MapYaml yaml;
+  describe(file.io(), yaml);
+  file.finishReading();
+  return yaml;
+}
+
+}  // namespace
+
+void describe(ParamIo& io, MapYaml& yaml) {
+  io.required("image", yaml.image);
+  yaml.image_ref = io.here("image");
+  io.required("resolution", yaml.resolution, Bounds{0.0, kMaxResolution_m, true});
+  std::vector<double> origin;
+  io.required("origin", origin, 2, 3);
+  if (origin.size() >= 2) {
+    yaml.T_map_corner = {origin[0], origin[1], origin.size() == 3 ? origin[2] : 0.0};
+  }
+  static const std::vector<std::pair<std::string_view, MapMode>> kModes{
+      {"trinary", MapMode::kTrinary}, {"scale", MapMode::kScale}, {"raw", MapMode::kRaw}};
+  io.optional("mode", yaml.mode, kModes);
+  // Some tools write 0 and 1, others false and true.
+  if (io.has("negate")) {
+    std::string word;
+    io.optional("negate", word);
+    yaml.negate = word == "1" || word == "true" || word == "True";
+    if (!yaml.negate && word != "0" && word != "false" && word != "False") {
+      io.problem("negate", "must be 0 or 1");
+    }
+  }
+  io.optional("occupied_thresh", yaml.occupied_thresh, within(0.0, 1.0));
+  io.optional("free_thresh", yaml.free_thresh, within(0.0, 1.0));
+  // Costmap tools read this one; it says nothing about what is occupied.
+  std::string cost_table;
+  if (io.has("cost_translation_table")) io.optional("cost_translation_table", cost_table);
+  if (yaml.free_thresh > yaml.occupied_thresh) {
+    io.problem("free_thresh", "must not be above occupied_thresh");
+  }
+}
+
+MapYaml readMapYaml(const std::string& path) {
+  ParamFile file = ParamFile::fromFile(path);
+  return finish(file);
+}
+
+MapYaml parseMapYaml(const std::string& text, const std::string& name) {
+  ParamFile file = ParamFile::fromText(text, name);
+  return finish(file);
+}
+
+std::string formatMapYaml(
+    const std::string& image, double resolution_m, const Pose2& T_map_corner) {
+  return "image: " + image + "\nmode: trinary\nresolution: " + shortestSingle(resolution_m) +
+         "\norigin: [" + shortest(T_map_corner.x) + ", " + shortest(T_map_corner.y) + ", " +
+         shortest(T_map_corner.phi) + "]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n";
+}
+
+}  // namespace vestibule::io

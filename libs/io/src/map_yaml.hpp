@@ -1,0 +1,31 @@
+#pragma once
+
+#include <string>
+
+#include "vestibule/core/frames.hpp"
+#include "vestibule/core/params.hpp"
+
+namespace vestibule::io {
+
+enum class MapMode { kTrinary, kScale, kRaw };
+
+/// The keys of a map_server YAML.
+struct MapYaml {
+  std::string image;  ///< as written: relative to the YAML
+  double resolution = 0.0;
+  Pose2 T_map_corner;  ///< origin: pose of the image's lower left corner
+  MapMode mode = MapMode::kTrinary;
+  bool negate = false;
+  double occupied_thresh = 0.65;
+  double free_thresh = 0.196;
+  SourceRef image_ref;  ///< where the image is named
+};
+
+void describe(ParamIo& io, MapYaml& yaml);
+/// Throws ConfigError with file:line of every problem.
+[[nodiscard]] MapYaml readMapYaml(const std::string& path);
+[[nodiscard]] MapYaml parseMapYaml(const std::string& text, const std::string& name);
+[[nodiscard]] std::string formatMapYaml(
+    const std::string& image, double resolution_m, const Pose2& T_map_corner);
+
+}  // namespace vestibule::io
