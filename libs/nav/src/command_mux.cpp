@@ -10,9 +10,8 @@ namespace {
 
 constexpr double kYawDeceleration_radps2 = 1.5;
 constexpr int kSweepPoses = 12;
-/// A point already inside the margin may come this much nearer before it counts: range noise must
-/// not hold a robot that moves along a wall.
-constexpr double kNearerTolerance_m = 0.005;
+/// A point that is already inside the margin must not come nearer; this is rounding.
+constexpr double kNearerTolerance_m = 1e-6;
 
 /// Base poses on the way to a standstill, in the present base frame: the command holds for the
 /// reaction time, then both velocities fall to zero over the same time.

@@ -100,7 +100,12 @@ class MissionReader {
       const std::string key = entry.first.IsScalar() ? entry.first.Scalar() : "(not a word)";
       if (!seen.insert(key).second) problem(entry.first, join(path, key), "given twice");
       if (std::find(known.begin(), known.end(), key) != known.end()) continue;
-      const auto near = nearestWord(key, known);
+      // A forgotten unit is the usual slip: yaw for yaw_deg.
+      const auto with_unit = std::find_if(known.begin(), known.end(), [&](const std::string& k) {
+        return k.compare(0, key.size() + 1, key + "_") == 0;
+      });
+      const auto near =
+          with_unit != known.end() ? std::optional(*with_unit) : nearestWord(key, known);
       problem(
           entry.first,
           join(path, key),
@@ -126,7 +131,7 @@ class MissionReader {
       const std::string& scalar = node.Scalar();
       char* end = nullptr;
       const double value = std::strtod(scalar.c_str(), &end);
-      if (!scalar.empty() && end == scalar.c_str() + scalar.size()) {
+      if (!scalar.empty() && end == scalar.c_str() + scalar.size() && !std::isnan(value)) {
         if (value >= lo && value <= hi) return value;
         problem(node, path + " = " + scalar, format("must be in [%g, %g]", lo, hi));
         return std::nullopt;
