@@ -1,0 +1,140 @@
+#include <cstdio>
+#include <memory>
+
+#include "commands.hpp"
+#include "run_output.hpp"
+#include "runs.hpp"
+#include "terminal.hpp"
+#include "vestibule/io/map_io.hpp"
+
+namespace vestibule::app {
+
+gui_headless::ReportSection runLocalize(
+    const LocalizeArguments& args, RunOutput& output, pipeline::LocalizeResult& result) {
+  const auto map = std::make_shared<const grid::OccupancyMap>(io::loadMap(args.map));
+  pipeline::Config config = pipeline::loadConfig(args.config);
+  io::RecordingOptions options;
+  options.rig = config.rig;
+  options.csv_mapping_dir = shipped("config/csv");
+
+  double wall_s = 0.0;
+  {
+    ProgressBar bar("localize");
+    result = pipeline::localize(
+        args.log, options, map, args.init, config, output.observers(), bar.callback());
+    wall_s = bar.wallSeconds();
+  }
+  output.timing(wall_s, result.data_s);
+  output.trajectory(result.trajectory);
+
+  metrics::Trajectory reference;
+  if (args.reference) reference = args.reference(result.trajectory);
+
+  Json& s = output.summary();
+  s["input"] = args.log;
+  s["map"] = args.map;
+  s["start"] = args.init ? "given pose" : "global";
+  s["scans"] = result.trajectory.size();
+  s["scans_used"] = result.scans_used;
+  s["data_s"] = rounded(result.data_s, 6);
+  s["distance_m"] = rounded(result.distance_m, 4);
+  s["trusted_share"] = rounded(result.trusted_share, 6);
+  s["trusted_at_end"] = result.trusted_at_end;
+  s["final_trust"] = rounded(result.final_trust, 6);
+  s["mean_inlier_share"] = rounded(result.mean_inlier_share, 6);
+  s["particles_mean"] = rounded(result.mean_particle_count, 1);
+  s["particles_max"] = result.largest_particle_count;
+  const Pose2& end = result.trajectory.back().pose;
+  s["final_pose"] = {rounded(end.x, 6), rounded(end.y, 6), rounded(end.phi, 6)};
+  s["notes"] = result.notes;
+
+  gui_headless::Scene scene;
+  scene.prior_map = map.get();
+  scene.reference = asReference(reference);
+  auto section = gui_headless::sectionFromRun(output.recorder(), scene, args.title);
+  section.figures = {
+      figure("scans", std::to_string(result.trajectory.size())),
+      figure("distance", fixed(result.distance_m, 1), "m"),
+      figure("recording", fixed(result.data_s, 1), "s"),
+      figure("speed", fixed(result.data_s / std::max(wall_s, 1e-3), 0), "x real time"),
+      figure("particles, mean", fixed(result.mean_particle_count, 0)),
+      figure("beams on mapped obstacles, mean", fixed(100.0 * result.mean_inlier_share, 1), "%"),
+      figure("scans with a trusted pose", fixed(100.0 * result.trusted_share, 1), "%")};
+  if (!reference.empty()) {
+    const auto errors = metrics::absoluteErrors(
+        metrics::associate(result.trajectory, reference), metrics::Alignment::kNone);
+    s["reference"]["matched"] = errors.translation_m.count;
+    s["reference"]["translation_m"] = toJson(errors.translation_m);
+    s["reference"]["yaw_deg"] = toJson(errors.yaw_rad, radToDeg(1.0));
+    section.figures.push_back(
+        args.rmse_bar_m > 0.0
+            ? figureAtMost("position RMSE", errors.translation_m.rmse, 3, "m", args.rmse_bar_m)
+            : figure("position RMSE", fixed(errors.translation_m.rmse, 3), "m"));
+    section.figures.push_back(
+        figure("position error, largest", fixed(errors.translation_m.max, 3), "m"));
+    section.figures.push_back(figure("yaw RMSE", fixed(radToDeg(errors.yaw_rad.rmse), 2), "deg"));
+  }
+  if (!section.pictures.empty()) output.picture("map.png", section.pictures.front().png);
+  return section;
+}
+
+void addLocalize(CLI::App& app, int& exit_code) {
+  struct Options {
+    LocalizeArguments args;
+    std::string init;
+    std::string ref;
+    bool global = false;
+    std::string out;
+  };
+  auto o = std::make_shared<Options>();
+  CLI::App* command =
+      app.add_subcommand("localize", "where the robot was in a prebuilt map, from a recording");
+  command->add_option("LOG", o->args.log, "recording with laser scans and odometry")->required();
+  command
+      ->add_option("--map", o->args.map, "map_server YAML, MRPT .simplemap[.gz] or .gridmap[.gz]")
+      ->required();
+  auto* init = command->add_option(
+      "--init", o->init, "start pose x_m,y_m,yaw_rad in the map; without it: --global");
+  command->add_flag("--global", o->global, "search the whole map for the start pose")
+      ->excludes(init);
+  command->add_option("--config", o->args.config, "YAML as config/default.yaml");
+  command->add_option("--ref", o->ref, "reference trajectory (TUM) for the errors in the report");
+  command->add_option("--out", o->out, "output folder")->required();
+  command->callback([o, &exit_code] {
+    if (!o->init.empty()) o->args.init = parsePose(o->init);
+    if (!o->ref.empty()) {
+      const auto reference = readPlanarTum(o->ref);
+      o->args.reference = [reference](const metrics::Trajectory&) { return reference; };
+    }
+    o->args.title = "Localization in a prebuilt map";
+    RunOutput output(o->out, "localize", pipeline::loadConfig(o->args.config));
+    pipeline::LocalizeResult result;
+    gui_headless::Report report;
+    report.title = "Vestibule: localize";
+    report.subtitle = o->args.log;
+    report.command_line = "vestibule localize " + o->args.log + " --map " + o->args.map +
+                          (o->init.empty() ? " --global" : " --init " + o->init);
+    report.sections.push_back(runLocalize(o->args, output, result));
+    output.report(report);
+    output.finish();
+
+    const Pose2& end = result.trajectory.back().pose;
+    std::printf(
+        "%zu scans, %.1f m in %.1f s; beams on mapped obstacles %.0f %%; trusted %.0f %% of the "
+        "time\n"
+        "ends at x %.3f m, y %.3f m, yaw %.2f deg (%s)\nreport: %s\n",
+        result.trajectory.size(),
+        result.distance_m,
+        result.data_s,
+        100.0 * result.mean_inlier_share,
+        100.0 * result.trusted_share,
+        end.x,
+        end.y,
+        radToDeg(end.phi),
+        result.trusted_at_end ? "trusted" : "LOST: the scans do not fit the map there",
+        output.pathOf("report.html").c_str());
+    exit_code = result.trusted_at_end ? kDone : kFailedPurpose;
+  });
+}
+
+}  // namespace vestibule::app

@@ -1,0 +1,71 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <sstream>
+
+#include "commands.hpp"
+#include "terminal.hpp"
+#include "vestibule/core/errors.hpp"
+
+namespace {
+
+/// One "vestibule: ..." line per problem.
+void printProblems(const std::string& text) {
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    std::fprintf(stderr, "vestibule: %s\n", line.c_str());
+  }
+}
+
+int run(int argc, char** argv) {
+  using namespace vestibule::app;
+  CLI::App app{
+      "Vestibule tells a ground robot where it is indoors, outdoors and through the door between,\n"
+      "and drives missions that cross that door.",
+      "vestibule"};
+  app.require_subcommand(1);
+  app.footer(
+      "Exit codes: 0 done, 1 the run failed its purpose, 2 bad usage or configuration, 3 bad "
+      "input.\n"
+      "'vestibule COMMAND --help' explains a command; the manual is in docs/.");
+  int exit_code = kDone;
+  addDemo(app, exit_code);
+  addInfo(app, exit_code);
+  addLocalize(app, exit_code);
+  addFuse(app, exit_code);
+  addMap(app, exit_code);
+  addMission(app, exit_code);
+  addEval(app, exit_code);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::CallForHelp& e) {
+    return app.exit(e);
+  } catch (const CLI::CallForAllHelp& e) {
+    return app.exit(e);
+  } catch (const CLI::ParseError& e) {
+    app.exit(e);
+    return kBadUsage;
+  }
+  return exit_code;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  vestibule::app::installSignalHandlers();
+  try {
+    return run(argc, argv);
+  } catch (const vestibule::app::Interrupted& e) {
+    printProblems(e.what());
+    return vestibule::app::kFailedPurpose;
+  } catch (const vestibule::ConfigError& e) {
+    printProblems(e.what());
+    return vestibule::app::kBadUsage;
+  } catch (const vestibule::InputError& e) {
+    printProblems(e.what());
+    return vestibule::app::kBadInput;
+  } catch (const std::exception& e) {
+    printProblems(std::string("unexpected: ") + e.what());
+    return vestibule::app::kBadInput;
+  }
+}

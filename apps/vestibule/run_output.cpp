@@ -1,0 +1,125 @@
+#include "run_output.hpp"
+
+#include <cmath>
+#include <cstdlib>
+
+#include "terminal.hpp"
+#include "vestibule/core/errors.hpp"
+#include "vestibule/io/trajectory.hpp"
+
+namespace vestibule::app {
+
+RunOutput::RunOutput(
+    const std::string& directory, const std::string& command, const pipeline::Config& config)
+    : directory_(directory), events_(directory_.stage("events.jsonl")), event_log_(events_) {
+  observers_.attach(event_log_);
+  observers_.attach(recorder_);
+  summary_["schema"] = "vestibule.summary";
+  summary_["schema_version"] = 1;
+  summary_["command"] = command;
+  summary_["seed"] = config.seed;
+  text("config.resolved.yaml", dumpParams(config));
+}
+
+void RunOutput::text(const std::string& name, const std::string& content) {
+  std::ofstream out(directory_.stage(name), std::ios::binary);
+  out << content;
+  out.close();
+  if (!out) throw ConfigError(pathOf(name) + ": cannot be written (disk full?)");
+}
+
+void RunOutput::trajectory(const metrics::Trajectory& poses, const std::string& name) {
+  std::string content;
+  for (const metrics::TimedPose& p : poses) {
+    content += io::formatTumLine({p.stamp, toPose3(p.pose)});
+  }
+  text(name, content);
+}
+
+void RunOutput::picture(const std::string& name, const std::string& png) { text(name, png); }
+
+void RunOutput::timing(double wall_s, double data_s) {
+  Json timing;
+  timing["wall_s"] = rounded(wall_s, 3);
+  timing["data_s"] = rounded(data_s, 3);
+  timing["real_time_factor"] = wall_s > 0.0 ? rounded(data_s / wall_s, 1) : 0.0;
+  text("timing.json", timing.dump(2) + "\n");
+}
+
+void RunOutput::report(const gui_headless::Report& report) {
+  text("report.html", gui_headless::renderReport(report));
+}
+
+void RunOutput::finish() {
+  events_.close();
+  if (!events_) throw ConfigError(pathOf("events.jsonl") + ": cannot be written (disk full?)");
+  text("summary.json", summary_.dump(2) + "\n");
+  checkInterrupted();
+  directory_.commit();
+}
+
+double rounded(double value, int decimals) {
+  const double scale = std::pow(10.0, decimals);
+  return std::round(value * scale) / scale;
+}
+
+Json toJson(const metrics::Statistics& s, double unit) {
+  Json json;
+  json["rmse"] = rounded(s.rmse * unit, 6);
+  json["mean"] = rounded(s.mean * unit, 6);
+  json["std"] = rounded(s.stddev * unit, 6);
+  json["median"] = rounded(s.median * unit, 6);
+  json["p95"] = rounded(s.p95 * unit, 6);
+  json["max"] = rounded(s.max * unit, 6);
+  return json;
+}
+
+metrics::Trajectory readPlanarTum(const std::string& path) {
+  metrics::Trajectory poses;
+  for (const io::StampedPose& p : io::readTum(path)) poses.push_back({p.stamp, toPose2(p.T)});
+  return poses;
+}
+
+std::vector<std::pair<Timestamp, Pose2>> asReference(const metrics::Trajectory& poses) {
+  std::vector<std::pair<Timestamp, Pose2>> reference;
+  reference.reserve(poses.size());
+  for (const metrics::TimedPose& p : poses) reference.emplace_back(p.stamp, p.pose);
+  return reference;
+}
+
+Pose2 parsePose(const std::string& text) {
+  const char* at = text.c_str();
+  double values[3] = {};
+  for (int i = 0; i < 3; ++i) {
+    char* end = nullptr;
+    values[i] = std::strtod(at, &end);
+    const bool separated = i == 2 ? *end == '\0' : *end == ',';
+    if (end == at || !separated || !std::isfinite(values[i])) {
+      throw ConfigError("--init " + text + ": must be x_m,y_m,yaw_rad, e.g. 1.5,-2,0.78");
+    }
+    at = end + 1;
+  }
+  return {values[0], values[1], wrapToPi(values[2])};
+}
+
+gui_headless::Figure figureAtMost(
+    const std::string& label, double value, int decimals, const std::string& unit, double limit) {
+  gui_headless::Figure f = figure(label, fixed(value, decimals), unit);
+  char bar[40];
+  std::snprintf(bar, sizeof bar, "<= %g", limit);
+  f.bar = bar;
+  f.verdict =
+      value <= limit ? gui_headless::Figure::Verdict::kGood : gui_headless::Figure::Verdict::kBad;
+  return f;
+}
+
+gui_headless::Figure figure(
+    const std::string& label, const std::string& value, const std::string& unit) {
+  gui_headless::Figure f;
+  f.label = label;
+  f.value = value;
+  f.unit = unit;
+  return f;
+}
+
+}  // namespace vestibule::app

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "run_output.hpp"
+#include "vestibule/pipeline/fuse.hpp"
+#include "vestibule/pipeline/localize.hpp"
+#include "vestibule/pipeline/mission.hpp"
+
+namespace vestibule::app {
+
+/// One run each, shared by its own command and the demo: runs the pipeline, fills the output's
+/// files and summary, and gives the section of the report.
+
+struct LocalizeArguments {
+  std::string log;
+  std::string map;
+  std::string config;
+  std::optional<Pose2> init;  ///< empty = global
+  /// Reference poses for this trajectory; may be empty.
+  std::function<metrics::Trajectory(const metrics::Trajectory&)> reference;
+  double rmse_bar_m = 0.0;  ///< shown in the report when > 0
+  std::string title;
+};
+[[nodiscard]] gui_headless::ReportSection runLocalize(
+    const LocalizeArguments& args, RunOutput& output, pipeline::LocalizeResult& result);
+
+struct FuseArguments {
+  std::string log;
+  std::string config;
+  std::string csv_mapping;
+  std::string reference_tum;
+  std::string title;
+};
+[[nodiscard]] gui_headless::ReportSection runFuse(
+    const FuseArguments& args, RunOutput& output, pipeline::FuseResult& result);
+
+struct MissionArguments {
+  std::string mission;
+  std::string world;
+  std::string config;
+  std::uint64_t seed = 1;
+  bool record = false;
+  std::string title;
+};
+[[nodiscard]] gui_headless::ReportSection runMissionCommand(
+    const MissionArguments& args, RunOutput& output, pipeline::MissionResult& result);
+
+/// The configuration with the seed of the command line.
+[[nodiscard]] pipeline::Config missionConfig(const MissionArguments& args);
+
+}  // namespace vestibule::app

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "vestibule/amcl/params.hpp"
+#include "vestibule/ekf/params.hpp"
+#include "vestibule/mapping/known_poses_mapper.hpp"
+#include "vestibule/mode_manager/params.hpp"
+#include "vestibule/mrpt_adapters/reactive_driver.hpp"
+#include "vestibule/nav/mission_runner.hpp"
+#include "vestibule/sensors/rig.hpp"
+
+namespace vestibule::pipeline {
+
+/// What --config sets; config/default.yaml lists every key with its default.
+struct Config {
+  std::uint64_t seed = 1;
+  SensorRig rig;
+  ekf::FilterParams ekf;
+  amcl::AmclParams amcl;
+  mode_manager::ModeManagerParams mode_manager;
+  nav::MissionRunnerParams mission;
+  mrpt_adapters::ReactiveParams driver;
+  mapping::KnownPosesParams mapping;
+};
+void describe(ParamIo& io, Config& config);
+
+/// Defaults for an empty path.
+[[nodiscard]] Config loadConfig(const std::string& path);
+
+}  // namespace vestibule::pipeline

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "vestibule/core/events.hpp"
+#include "vestibule/grid/occupancy_map.hpp"
+#include "vestibule/io/recording.hpp"
+#include "vestibule/metrics/trajectory.hpp"
+#include "vestibule/pipeline/config.hpp"
+#include "vestibule/pipeline/progress.hpp"
+
+namespace vestibule::pipeline {
+
+struct LocalizeResult {
+  metrics::Trajectory trajectory;  ///< T_map_base, one per laser scan, in file order
+  std::size_t scans_used = 0;      ///< that moved the particles
+  double trusted_share = 0.0;      ///< of the scans
+  double mean_inlier_share = 0.0;
+  double final_trust = 0.0;
+  bool trusted_at_end = false;
+  std::size_t largest_particle_count = 0;
+  double mean_particle_count = 0.0;
+  double data_s = 0.0;      ///< largest minus smallest stamp
+  double distance_m = 0.0;  ///< along the trajectory
+  std::vector<std::string> notes;
+};
+
+/// Particle localization of a recording in a prior map.
+/// \param T_map_base_init empty = global localization
+/// Throws InputError for a recording without laser scans or without odometry.
+[[nodiscard]] LocalizeResult localize(
+    const std::string& recording_path,
+    const io::RecordingOptions& recording_options,
+    const std::shared_ptr<const grid::OccupancyMap>& map,
+    const std::optional<Pose2>& T_map_base_init,
+    const Config& config,
+    const Observers& observers,
+    const Progress& progress);
+
+}  // namespace vestibule::pipeline

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "vestibule/amcl/particle_localizer.hpp"
+#include "vestibule/core/events.hpp"
+#include "vestibule/ekf/filter.hpp"
+#include "vestibule/geo/site.hpp"
+#include "vestibule/geo/tangent_plane.hpp"
+#include "vestibule/mode_manager/mode_manager.hpp"
+#include "vestibule/pipeline/config.hpp"
+#include "vestibule/sensors/measurements.hpp"
+
+namespace vestibule::pipeline {
+
+/// Wires odometry filter, GNSS filter, particle localization and mode manager: measurements in
+/// stamp order go in, one published pose comes out. The same object serves recordings and the
+/// closed loop.
+class SeamlessEstimator {
+ public:
+  /// \param maps the site's indoor maps in the site's map frame, in its order
+  SeamlessEstimator(
+      const Config& config,
+      const geo::Site& site,
+      std::vector<std::shared_ptr<const grid::OccupancyMap>> maps,
+      const Observers& observers);
+
+  /// Starts from a known pose, e.g. the charging point.
+  void start(Timestamp stamp, const PoseWithCovariance& T_map_base);
+  void process(const Measurement& measurement);
+
+  [[nodiscard]] bool ready() const { return manager_.ready(); }
+  /// Stamp of the last odometry message.
+  [[nodiscard]] Timestamp time() const { return time_; }
+  [[nodiscard]] const Pose2& T_odom_base() const { return T_odom_base_; }
+  [[nodiscard]] double speed() const { return gnss_filter_.odometry().speed(); }
+  [[nodiscard]] double yawRate() const { return gnss_filter_.odometry().yawRate(); }
+  [[nodiscard]] mode_manager::ModeManager& modeManager() { return manager_; }
+  [[nodiscard]] const mode_manager::ModeManager& modeManager() const { return manager_; }
+
+ private:
+  void onWheels(const WheelOdometry& wheels);
+  void onFix(const GnssFix& fix);
+  void onScan(const LaserScan& scan);
+  void seedParticles();
+
+  Config config_;
+  geo::TangentPlane plane_;
+  const Observers& observers_;
+  std::vector<std::shared_ptr<const grid::OccupancyMap>> maps_;
+
+  ekf::PlanarFilter gnss_filter_;  // with the odometry filter inside
+  std::unique_ptr<amcl::ParticleLocalizer> particles_;
+  std::size_t active_map_ = 0;
+  mode_manager::ModeManager manager_;
+
+  Timestamp time_;
+  Pose2 T_odom_base_;
+  std::optional<Timestamp> last_fix_;
+  std::optional<Timestamp> last_map_pose_to_filter_;
+};
+
+}  // namespace vestibule::pipeline

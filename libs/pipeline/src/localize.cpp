@@ -1,0 +1,90 @@
+#include "vestibule/pipeline/localize.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "vestibule/amcl/particle_localizer.hpp"
+#include "vestibule/core/errors.hpp"
+
+namespace vestibule::pipeline {
+namespace {
+
+// What a person who types or clicks a start pose is good for.
+constexpr double kInitSigma_m = 0.25;
+constexpr double kInitSigma_rad = degToRad(8.0);
+
+}  // namespace
+
+LocalizeResult localize(
+    const std::string& recording_path,
+    const io::RecordingOptions& recording_options,
+    const std::shared_ptr<const grid::OccupancyMap>& map,
+    const std::optional<Pose2>& T_map_base_init,
+    const Config& config,
+    const Observers& observers,
+    const Progress& progress) {
+  const auto reader = io::openRecording(recording_path, recording_options);
+  amcl::ParticleLocalizer localizer(config.amcl, map, config.seed, &observers);
+  if (T_map_base_init) {
+    const Eigen::Matrix3d cov = Eigen::Vector3d(
+                                    kInitSigma_m * kInitSigma_m,
+                                    kInitSigma_m * kInitSigma_m,
+                                    kInitSigma_rad * kInitSigma_rad)
+                                    .asDiagonal();
+    localizer.initialise({*T_map_base_init, cov});
+  } else {
+    localizer.initialiseGlobally();
+  }
+
+  LocalizeResult result;
+  std::size_t odometry_count = 0;
+  std::size_t trusted_count = 0;
+  double inlier_sum = 0.0;
+  double particle_sum = 0.0;
+  std::optional<Timestamp> first;
+  std::optional<Timestamp> last;
+  while (const auto record = reader->next()) {
+    if (const auto* odometry = std::get_if<WheelOdometry>(&record->measurement)) {
+      localizer.process(*odometry);
+      ++odometry_count;
+    } else if (const auto* scan = std::get_if<LaserScan>(&record->measurement)) {
+      const amcl::ScanReport report = localizer.process(*scan);
+      const Pose2 T_map_base = localizer.pose().mean;
+      if (!result.trajectory.empty()) {
+        result.distance_m += distance(result.trajectory.back().pose, T_map_base);
+      }
+      result.trajectory.push_back({scan->stamp, T_map_base});
+      if (report.used) {
+        ++result.scans_used;
+        particle_sum += static_cast<double>(report.particles);
+        result.largest_particle_count = std::max(result.largest_particle_count, report.particles);
+      }
+      trusted_count += report.trusted ? 1U : 0U;
+      inlier_sum += report.inlier_share;
+      result.final_trust = report.trust;
+      result.trusted_at_end = report.trusted;
+      first = first ? std::min(*first, scan->stamp) : scan->stamp;
+      last = last ? std::max(*last, scan->stamp) : scan->stamp;
+      progress(reader->progress(), toSeconds(scan->stamp - *first));
+    }
+  }
+  result.notes = reader->notes();
+  if (result.trajectory.empty()) {
+    throw InputError(
+        recording_path + ": no laser scan in it, which localization needs (see vestibule info)");
+  }
+  if (odometry_count == 0) {
+    throw InputError(
+        recording_path +
+        ": no wheel odometry in it, which localization needs (see vestibule info)");
+  }
+  const auto n = static_cast<double>(result.trajectory.size());
+  result.trusted_share = static_cast<double>(trusted_count) / n;
+  result.mean_inlier_share = inlier_sum / n;
+  result.mean_particle_count =
+      result.scans_used > 0 ? particle_sum / static_cast<double>(result.scans_used) : 0.0;
+  result.data_s = toSeconds(*last - *first);
+  return result;
+}
+
+}  // namespace vestibule::pipeline

@@ -1,0 +1,149 @@
+#include "vestibule/pipeline/seamless_estimator.hpp"
+
+#include <algorithm>
+#include <limits>
+
+namespace vestibule::pipeline {
+namespace {
+
+// Indoors the map pose goes to the GNSS filter this often, with errors that repeat from scan to
+// scan counted once.
+constexpr double kMapPosePeriod_s = 1.0;
+constexpr double kMapPoseFloor_m = 0.10;
+constexpr double kMapPoseFloor_rad = degToRad(1.0);
+
+Point2 centreOf(const grid::OccupancyMap& map) {
+  return transform(
+      map.T_map_grid(),
+      {map.corner().x + 0.5 * map.width() * map.resolution(),
+       map.corner().y + 0.5 * map.height() * map.resolution()});
+}
+
+}  // namespace
+
+SeamlessEstimator::SeamlessEstimator(
+    const Config& config,
+    const geo::Site& site,
+    std::vector<std::shared_ptr<const grid::OccupancyMap>> maps,
+    const Observers& observers)
+    : config_(config),
+      plane_(site.datum),
+      observers_(observers),
+      maps_(std::move(maps)),
+      gnss_filter_(config.ekf, config.rig, &observers),
+      manager_(config.mode_manager, site, &observers) {}
+
+void SeamlessEstimator::start(Timestamp stamp, const PoseWithCovariance& T_map_base) {
+  gnss_filter_.reset(stamp, T_map_base);
+  // The given pose stands in for the first fix, so that the run starts with a published pose.
+  last_fix_ = stamp;
+}
+
+void SeamlessEstimator::process(const Measurement& measurement) {
+  if (const auto* wheels = std::get_if<WheelOdometry>(&measurement)) {
+    onWheels(*wheels);
+  } else if (const auto* imu = std::get_if<Imu>(&measurement)) {
+    gnss_filter_.process(*imu);
+  } else if (const auto* heading = std::get_if<Heading>(&measurement)) {
+    gnss_filter_.process(*heading);
+  } else if (const auto* fix = std::get_if<GnssFix>(&measurement)) {
+    onFix(*fix);
+  } else if (const auto* scan = std::get_if<LaserScan>(&measurement)) {
+    onScan(*scan);
+  }
+}
+
+void SeamlessEstimator::onWheels(const WheelOdometry& wheels) {
+  gnss_filter_.process(wheels);
+  time_ = gnss_filter_.odometry().time();
+  const Pose2 T_odom_base = gnss_filter_.odometry().pose().mean;
+  if (particles_) {
+    // The particles ride on the odometry filter, whose yaw is the gyro's: wheels of a skid-steer
+    // robot do not know how far it turned.
+    WheelOdometry increment = wheels;
+    increment.T_previous_now = between(T_odom_base_, T_odom_base);
+    particles_->process(increment);
+  }
+  T_odom_base_ = T_odom_base;
+
+  if (gnss_filter_.ready()) {
+    manager_.offerGnss({time_, gnss_filter_.pose(), T_odom_base_}, last_fix_);
+  }
+  manager_.step(time_, T_odom_base_);
+  seedParticles();
+
+  if (manager_.ready()) {
+    PoseEvent event;
+    event.stamp = time_;
+    event.source = PoseSource::kPublished;
+    event.mode = manager_.mode();
+    event.T = manager_.published();
+    observers_.emit(event);
+  }
+}
+
+void SeamlessEstimator::onFix(const GnssFix& fix) {
+  const auto* geodetic = std::get_if<Geodetic>(&fix.position);
+  Eigen::Vector2d p_map_antenna;
+  if (geodetic != nullptr) {
+    p_map_antenna = plane_.toEnu(*geodetic).head<2>();
+  } else {
+    const auto& local = std::get<LocalPosition>(fix.position);
+    p_map_antenna = {local.east_m, local.north_m};
+  }
+  std::optional<Eigen::Matrix2d> cov;
+  if (fix.cov_enu) cov = fix.cov_enu->topLeftCorner<2, 2>();
+  const ekf::UpdateReport report =
+      gnss_filter_.processGnss(fix.stamp, p_map_antenna, cov, fix.type, fix.hdop, fix.satellites);
+  if (report.decision == Decision::kAccepted || report.decision == Decision::kDownWeighted) {
+    last_fix_ = fix.stamp;
+  }
+}
+
+void SeamlessEstimator::seedParticles() {
+  if (!manager_.particlesWanted()) {
+    particles_.reset();
+    return;
+  }
+  const auto seed = manager_.takeSeedRequest();
+  if (!seed || maps_.empty()) return;
+  // The nearest map by its centre; a robot between two buildings tries the one it is closer to.
+  double nearest_m = std::numeric_limits<double>::max();
+  std::size_t nearest = 0;
+  for (std::size_t i = 0; i < maps_.size(); ++i) {
+    const Point2 c = centreOf(*maps_[i]);
+    const double d = std::hypot(c.x - seed->mean.x, c.y - seed->mean.y);
+    if (d < nearest_m) {
+      nearest_m = d;
+      nearest = i;
+    }
+  }
+  if (!particles_ || nearest != active_map_) {
+    particles_ = std::make_unique<amcl::ParticleLocalizer>(
+        config_.amcl, maps_[nearest], config_.seed, &observers_);
+    active_map_ = nearest;
+  }
+  particles_->initialise(*seed);
+}
+
+void SeamlessEstimator::onScan(const LaserScan& scan) {
+  if (!particles_ || !particles_->initialised()) return;
+  const amcl::ScanReport report = particles_->process(scan);
+  const PoseWithCovariance T_map_base = particles_->pose();
+  manager_.offerParticles({time_, T_map_base, T_odom_base_}, report.trust);
+
+  const bool due = !last_map_pose_to_filter_ ||
+                   toSeconds(scan.stamp - *last_map_pose_to_filter_) >= kMapPosePeriod_s;
+  if (manager_.mode() == Mode::kIndoor && report.trusted && due) {
+    PoseWithCovariance to_filter = T_map_base;
+    to_filter.cov += Eigen::Vector3d(
+                         kMapPoseFloor_m * kMapPoseFloor_m,
+                         kMapPoseFloor_m * kMapPoseFloor_m,
+                         kMapPoseFloor_rad * kMapPoseFloor_rad)
+                         .asDiagonal();
+    (void)gnss_filter_.processExternalPose(scan.stamp, to_filter);
+    last_map_pose_to_filter_ = scan.stamp;
+  }
+}
+
+}  // namespace vestibule::pipeline
