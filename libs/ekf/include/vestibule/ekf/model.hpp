@@ -13,8 +13,9 @@ enum StateIndex : int {
   kYaw = 2,            ///< [rad] base yaw in map (or odom)
   kGyroBias = 3,       ///< [rad/s] gyro reading at rest
   kWheelScale = 4,     ///< [-]   log of (true distance / wheel distance)
-  kHeadingOffset = 5,  ///< [rad] heading sensor reading minus yaw
-  kStateSize = 6
+  kHeadingOffset = 5,  ///< [rad] heading sensor reading minus yaw: mounting, declination
+  kDisturbance = 6,    ///< [rad] the part of that difference that comes and goes (magnetic)
+  kStateSize = 7
 };
 using State = Eigen::Matrix<double, kStateSize, 1>;
 using StateMatrix = Eigen::Matrix<double, kStateSize, kStateSize>;
@@ -32,6 +33,8 @@ struct Motion {
   double gyro_bias_var = 0.0;       ///< [rad^2/s^2] growth during the step
   double wheel_scale_var = 0.0;     ///< [-]
   double heading_offset_var = 0.0;  ///< [rad^2]
+  double disturbance_decay = 1.0;   ///< [-] share of the disturbance that is left after the step
+  double disturbance_var = 0.0;     ///< [rad^2]
 };
 
 /// A measurement linearised at the present state: residual = z - h(x), wrapped; H = dh/dx.
@@ -46,8 +49,8 @@ struct Observation {
   [[nodiscard]] int dof() const { return static_cast<int>(residual.size()); }
 };
 
-/// Planar unicycle with gyro bias, wheel scale and heading offset. Pure functions; knows neither
-/// the filter equations nor any library that runs them.
+/// Planar unicycle with gyro bias, wheel scale and heading sensor offset. Pure functions; knows
+/// neither the filter equations nor any library that runs them.
 struct PlanarModel {
   /// f(x, u): position moves along the mean heading of the step.
   [[nodiscard]] static State transition(const State& x, const Motion& u);
@@ -62,7 +65,7 @@ struct PlanarModel {
       const Eigen::Vector2d& p_map_antenna,
       const Point2& p_base_antenna,
       const Eigen::Matrix2d& R);
-  /// Heading sensor: z = yaw + offset.
+  /// Heading sensor: z = yaw + offset + disturbance.
   [[nodiscard]] static Observation heading(const State& x, double yaw_rad, double sigma_rad);
   /// Pose of the base: z = (x, y, yaw).
   [[nodiscard]] static Observation pose(const State& x, const PoseWithCovariance& T_map_base);

@@ -28,10 +28,12 @@ struct GyroParams {
 /// Absolute heading (compass, IMU orientation). The filter estimates the sensor's offset, so only
 /// its changes and, weakly, its value count.
 struct HeadingParams {
-  double sigma_rad = degToRad(1.0);          ///< [rad] white noise, floor of the reported one
-  double offset_sigma_rad = degToRad(15.0);  ///< [rad] of mounting + declination + disturbance
-  double offset_walk_rad_sqrt_s = degToRad(0.3);
-  double relearn_after_s = 5.0;  ///< [s] rejected for so long: the offset is learnt anew
+  double sigma_rad = degToRad(1.0);  ///< [rad] white noise, floor of the reported one
+  /// [rad/sqrt(s)] drift of mounting + declination. Its value is learnt, not trusted.
+  double offset_walk_rad_sqrt_s = degToRad(0.05);
+  double disturbance_sigma_rad = degToRad(8.0);  ///< [rad] passing deviation (steel, tilt)
+  double disturbance_time_s = 20.0;              ///< [s] how long such a deviation lasts
+  double relearn_after_s = 5.0;                  ///< [s] rejected so long: offset learnt anew
 };
 
 /// Floors of the standard deviation per axis by fix type, and how fixes are believed.
@@ -41,11 +43,10 @@ struct GnssParams {
   double sigma_differential_m = 1.0;
   double sigma_single_m = 3.0;  ///< also for receivers that do not say what they have
   double uere_m = 2.5;          ///< [m] sigma = hdop * uere
-  double correlation_s = 20.0;  ///< [s] errors within it are the same error; code fixes
+  double correlation_s = 30.0;  ///< [s] errors within it are one and the same; code fixes
   double rtk_correlation_s = 2.0;
-  double max_inflation = 60.0;  ///< [-] of the variance because of it
-  double gap_s = 3.0;           ///< [s] after a longer silence fixes are doubted (x3) for 5 s
-  double max_sigma_m = 50.0;    ///< [m] a fix that says it is worse is rejected
+  double gap_s = 3.0;         ///< [s] after a longer silence fixes are doubted (x3) for 5 s
+  double max_sigma_m = 50.0;  ///< [m] a fix that says it is worse is rejected
 };
 
 /// Re-acquisition after rejections: a cluster of fixes that moves as the odometry does.
@@ -53,7 +54,6 @@ struct RecoveryParams {
   int min_fixes = 8;
   double min_span_s = 8.0;
   double min_travel_m = 10.0;
-  double max_rejected_s = 60.0;  ///< [s] candidates older than this are forgotten
 };
 
 /// When position and heading are known well enough to start.
@@ -64,6 +64,7 @@ struct InitParams {
   /// Start from the heading sensor at the first good fix, without driving. For sensors known to be
   /// mounted and calibrated well.
   bool trust_heading = false;
+  double trusted_heading_sigma_rad = degToRad(5.0);  ///< its offset then
 };
 
 struct FilterParams {
