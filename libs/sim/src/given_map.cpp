@@ -13,7 +13,7 @@ namespace vestibule::sim {
 namespace {
 
 constexpr std::uint64_t kSurveySeed = 1;  // the survey happened once; no run may change it
-constexpr int kSurveyBeams = 1440;
+constexpr int kSurveyBeams = 1080;
 constexpr double kWarpLength_m = 12.0;
 constexpr int kMinHits = 3;              // fewer look like dirt and are left out
 constexpr double kOccupiedShare = 0.25;  // of the beams that reached the cell
@@ -65,21 +65,25 @@ class SurveyGrid {
     return {corner_.x + (ix + 0.5) * resolution_m_, corner_.y + (iy + 0.5) * resolution_m_};
   }
 
+  /// Counts a beam: each cell it passes once, its end cell as a hit where it met something.
   void add(const Point2& from, const Point2& to, bool hit) {
-    const double dx = to.x - from.x;
-    const double dy = to.y - from.y;
-    const double length_m = std::hypot(dx, dy);
-    // Half-cell samples; each cell counts once per beam, the end cell only as a hit.
-    const int n = static_cast<int>(length_m / (0.5 * resolution_m_));
-    const auto end = cellOf(to);
-    std::optional<std::size_t> last;
+    // In units of cells; half-cell samples miss no more than clipped corners.
+    const double x = (from.x - corner_.x) / resolution_m_;
+    const double y = (from.y - corner_.y) / resolution_m_;
+    const double dx = (to.x - from.x) / resolution_m_;
+    const double dy = (to.y - from.y) / resolution_m_;
+    const int n = static_cast<int>(2.0 * std::hypot(dx, dy));
+    const std::ptrdiff_t end = cellOf(x + dx, y + dy);
+    std::ptrdiff_t last = kOutside;
     for (int k = 0; k <= n; ++k) {
-      const double s = n == 0 ? 0.0 : static_cast<double>(k) / n;
-      const auto cell = cellOf({from.x + s * dx, from.y + s * dy});
-      if (cell && cell != last && !(hit && cell == end)) ++counts_[*cell].passes;
+      const double s = static_cast<double>(k) / std::max(n, 1);
+      const std::ptrdiff_t cell = cellOf(x + s * dx, y + s * dy);
+      if (cell != last && cell != kOutside && !(hit && cell == end)) {
+        ++counts_[static_cast<std::size_t>(cell)].passes;
+      }
       last = cell;
     }
-    if (hit && end) ++counts_[*end].hits;
+    if (hit && end != kOutside) ++counts_[static_cast<std::size_t>(end)].hits;
   }
 
  private:
@@ -87,11 +91,10 @@ class SurveyGrid {
     return static_cast<std::size_t>(iy) * static_cast<std::size_t>(width_) +
            static_cast<std::size_t>(ix);
   }
-  [[nodiscard]] std::optional<std::size_t> cellOf(const Point2& p) const {
-    const auto ix = static_cast<int>(std::floor((p.x - corner_.x) / resolution_m_));
-    const auto iy = static_cast<int>(std::floor((p.y - corner_.y) / resolution_m_));
-    if (ix < 0 || iy < 0 || ix >= width_ || iy >= height_) return std::nullopt;
-    return index(ix, iy);
+  static constexpr std::ptrdiff_t kOutside = -1;
+  [[nodiscard]] std::ptrdiff_t cellOf(double column, double row) const {
+    if (column < 0.0 || row < 0.0 || column >= width_ || row >= height_) return kOutside;
+    return static_cast<std::ptrdiff_t>(row) * width_ + static_cast<std::ptrdiff_t>(column);
   }
 
   double resolution_m_;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <fstream>
+#include <iterator>
 #include <opencv2/imgcodecs.hpp>
 
 #include "vestibule/core/angles.hpp"
@@ -24,7 +26,12 @@ void addLoop(std::vector<Segment>& segments, const std::vector<Point2>& corners)
 
 /// The edges between dark and other cells, straight runs joined.
 void addImage(std::vector<Segment>& segments, const OccupancyImage& source) {
-  const cv::Mat picture = cv::imread(source.image, cv::IMREAD_GRAYSCALE);
+  // Through memory: cv::imread prints its own complaint about a missing file.
+  std::ifstream file(source.image, std::ios::binary);
+  const std::vector<char> bytes{
+      std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  cv::Mat picture;
+  if (!bytes.empty()) picture = cv::imdecode(bytes, cv::IMREAD_GRAYSCALE);
   if (picture.empty()) {
     throw InputError(
         source.image + ": cannot read the occupancy image of the world; expected PNG or PGM");
@@ -211,9 +218,10 @@ double WorldGeometry::castRay(
   double t_end = max_range_m;
   const auto slab = [&](double o, double d, double size) {
     if (d == 0.0) return o >= 0.0 && o <= size;
-    const auto [near, far] = std::minmax(-o / d, (size - o) / d);
-    t = std::max(t, near);
-    t_end = std::min(t_end, far);
+    const double t_low = -o / d;
+    const double t_high = (size - o) / d;
+    t = std::max(t, std::min(t_low, t_high));
+    t_end = std::min(t_end, std::max(t_low, t_high));
     return t <= t_end;
   };
   if (!slab(ox, dx, width_ * cell_m_) || !slab(oy, dy, height_ * cell_m_)) return max_range_m;

@@ -56,7 +56,7 @@ struct GnssParams {
   double correlation_s = 60.0;   ///< of the slow error
   double fixed_sigma_m = 0.014;  ///< slow; the white part is as large
   double float_sigma_m = 0.25;   ///< slow; the white part is 0.1 m
-  double single_sigma_m = 1.5;   ///< slow
+  double single_sigma_m = 1.2;   ///< slow
   double single_white_m = 0.5;
   double multipath_m = 3.0;         ///< bias right beside a wall; a fixed function of place
   double multipath_length_m = 5.0;  ///< over which that bias changes
