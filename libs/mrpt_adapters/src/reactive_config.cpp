@@ -95,7 +95,7 @@ std::string reactiveConfig(const ReactiveParams& params, const std::string& cach
       << "max_distance_predicted_actual_path = 0.15\n"
       << "min_normalized_free_space_for_ptg_continuation = 0.2\n"
       << "enable_obstacle_filtering = false\n"
-      << "evaluate_clearance = true\n"
+      << "evaluate_clearance = false\n"
       << kHolonomic << kScores << "[CReactiveNavigationSystem]\n"
       << "min_obstacles_height = 0\n"
       << "max_obstacles_height = 10\n"

@@ -28,9 +28,13 @@ constexpr std::int64_t kClockStart_s = 1'000'000'000;
 /// A goal counts as nearer when it is by this much.
 constexpr double kProgress_m = 0.10;
 constexpr double kProgress_rad = 0.10;
+constexpr double kAnyYaw = std::numeric_limits<double>::infinity();
 /// Free room around the circle that the corners draw, for turning on the spot.
 constexpr double kTurnRoom_m = 0.10;
 constexpr double kTurnDone_rad = 0.15;
+/// Slower than this for so long, and the robot turns on the spot to a goal that is not ahead.
+constexpr double kCreeping_mps = 0.12;
+constexpr double kCreeping_s = 2.0;
 constexpr double kTurnGain_hz = 1.5;
 constexpr double kMinTurn_radps = 0.12;
 
@@ -274,6 +278,7 @@ struct ReactiveDriver::Impl {
   double best_m = 0.0;
   double best_rad = 0.0;
   double progress_s = 0.0;
+  double creeping_since_s = 0.0;
 };
 
 nav::DriverStatus ReactiveDriver::Impl::advance(
@@ -297,6 +302,7 @@ nav::DriverStatus ReactiveDriver::Impl::advance(
 
     if (leg_is_new) {
       leg_is_new = false;
+      creeping_since_s = now_s;
       resetProgress(now_s);
       const bool turn_first = std::abs(bearing_rad) > params.turn_first_rad &&
                               distance_m > goal.tolerance_m && roomToTurn(obstacles);
@@ -315,7 +321,7 @@ nav::DriverStatus ReactiveDriver::Impl::advance(
         return status;
       }
       phase = Phase::kDrive;
-      resetProgress(now_s);
+      creeping_since_s = now_s;
       startNavigation();
     }
 
@@ -328,13 +334,19 @@ nav::DriverStatus ReactiveDriver::Impl::advance(
     if (reached < goals.size()) {
       status.command = robot.command;
       status.waypoints_reached = reached;
+      // All paths lead forward: with the goal behind and a wall ahead MRPT only creeps.
+      if (robot.command.v_mps > kCreeping_mps) creeping_since_s = now_s;
+      if (!leg_is_new && now_s - creeping_since_s > kCreeping_s &&
+          std::abs(bearing_rad) > params.turn_first_rad && roomToTurn(obstacles)) {
+        phase = Phase::kTurnFirst;
+      }
       if (navigator->getCurrentState() == mrpt::nav::CAbstractNavigator::NAV_ERROR) {
         const std::string why = navigator->getErrorReason().error_msg;
         return blocked(why.empty() ? "no way found" : why);
       }
       if (robot.target_blocked) return blocked("an obstacle stands on the goal");
       if (robot.way_blocked) return blocked("the way seems blocked");
-      if (!leg_is_new && !progresses(now_s, distance_m, 0.0)) {
+      if (!leg_is_new && !progresses(now_s, distance_m, kAnyYaw)) {
         return blocked(
             robot.collides ? "an obstacle is within the security margin" : "no progress");
       }

@@ -10,8 +10,10 @@ namespace vestibule::nav {
 namespace {
 
 constexpr std::size_t kSectors = 120;  // 3 degrees
-/// A single stray echo is not an obstacle: a point must be seen this often to be remembered.
+/// A point must be seen this often to be remembered.
 constexpr int kConfirmingScans = 3;
+constexpr int kNeighbourBeams = 2;
+constexpr double kSamePlace_m = 0.2;
 
 std::size_t sectorOf(const Point2& p, const Point2& eye) {
   const double turn = (std::atan2(p.y - eye.y, p.x - eye.x) + kPi) / (2.0 * kPi);
@@ -29,11 +31,46 @@ void describe(ParamIo& io, ObstacleMemoryParams& params) {
 ObstacleMemory::ObstacleMemory(const ObstacleMemoryParams& params, const Footprint& footprint)
     : params_(params), footprint_(footprint) {}
 
+std::vector<Point2> ObstacleMemory::withoutStrays(
+    const Pose2& T_odom_base, const std::vector<Point2>& scan_base, const Point2& p_base_laser) {
+  std::vector<Point2> scan_odom;
+  for (const Point2& p : scan_base) scan_odom.push_back(transform(T_odom_base, p));
+
+  const auto hasNeighbour = [&](std::size_t i) {
+    const Point2& p = scan_base[i];
+    const double range_m = std::hypot(p.x - p_base_laser.x, p.y - p_base_laser.y);
+    // Beams part with range, and on a slanting wall their ends do more so.
+    const double near_m = 0.1 + 0.05 * range_m;
+    for (int offset = -kNeighbourBeams; offset <= kNeighbourBeams; ++offset) {
+      const std::ptrdiff_t j = static_cast<std::ptrdiff_t>(i) + offset;
+      if (offset == 0 || j < 0 || j >= static_cast<std::ptrdiff_t>(scan_base.size())) continue;
+      const Point2& q = scan_base[static_cast<std::size_t>(j)];
+      if (std::hypot(p.x - q.x, p.y - q.y) < near_m) return true;
+    }
+    return false;
+  };
+  const auto wasThere = [&](const Point2& p_odom) {
+    return std::any_of(
+        previous_scan_odom_.begin(), previous_scan_odom_.end(), [&](const Point2& q) {
+          return std::hypot(p_odom.x - q.x, p_odom.y - q.y) < kSamePlace_m;
+        });
+  };
+
+  std::vector<Point2> kept;
+  for (std::size_t i = 0; i < scan_base.size(); ++i) {
+    if (!has_previous_ || hasNeighbour(i) || wasThere(scan_odom[i])) kept.push_back(scan_base[i]);
+  }
+  previous_scan_odom_ = std::move(scan_odom);
+  has_previous_ = true;
+  return kept;
+}
+
 std::vector<Point2> ObstacleMemory::update(
     Timestamp stamp,
     const Pose2& T_odom_base,
-    const std::vector<Point2>& scan_base,
+    const std::vector<Point2>& raw_scan_base,
     const Point2& p_base_laser) {
+  const std::vector<Point2> scan_base = withoutStrays(T_odom_base, raw_scan_base, p_base_laser);
   std::array<bool, kSectors> looked_at{};
   std::vector<Point2> near;  // of the scan, thinned out
   for (const Point2& p : scan_base) {

@@ -21,11 +21,15 @@ void describe(ParamIo& io, ObstacleMemoryParams& params);
 /// direction again (whatever is there now is in the scan), with age and distance, and when the
 /// robot itself stands on it. Kept in the odometry frame: corrections of the map pose do not move
 /// it.
+///
+/// A single stray echo (dust, rain, a mixed pixel) is no obstacle: an echo without a neighbour
+/// counts only if the scan before had one at the same place.
 class ObstacleMemory {
  public:
   ObstacleMemory(const ObstacleMemoryParams& params, const Footprint& footprint);
 
-  /// Takes one scan (its end points in the base frame) and gives them with the remembered ones.
+  /// Takes one scan (its end points in the base frame, in beam order) and gives them, less the
+  /// strays, with the remembered ones.
   ///
   /// \param p_base_laser from where the scan was taken
   [[nodiscard]] std::vector<Point2> update(
@@ -34,9 +38,10 @@ class ObstacleMemory {
       const std::vector<Point2>& scan_base,
       const Point2& p_base_laser);
 
-  void clear() { points_.clear(); }
-
  private:
+  [[nodiscard]] std::vector<Point2> withoutStrays(
+      const Pose2& T_odom_base, const std::vector<Point2>& scan_base, const Point2& p_base_laser);
+
   struct Remembered {
     Point2 p_odom;
     Timestamp seen;
@@ -45,6 +50,8 @@ class ObstacleMemory {
   ObstacleMemoryParams params_;
   Footprint footprint_;
   std::vector<Remembered> points_;
+  std::vector<Point2> previous_scan_odom_;
+  bool has_previous_ = false;
 };
 
 }  // namespace vestibule::nav
