@@ -138,6 +138,57 @@ class Bz2Stream : public ByteStream {
   bool between_streams_ = false;
 };
 
+/// A gz inside the stream: some recordings were compressed twice.
+class NestedGzStream : public ByteStream {
+ public:
+  explicit NestedGzStream(std::unique_ptr<ByteStream> inner)
+      : inner_(std::move(inner)), input_(kChunkBytes) {
+    start();
+  }
+  ~NestedGzStream() override { inflateEnd(&state_); }
+
+  std::size_t read(char* buffer, std::size_t size) override {
+    state_.next_out = reinterpret_cast<Bytef*>(buffer);
+    state_.avail_out = static_cast<unsigned>(size);
+    while (state_.avail_out == size && !at_end_) {
+      if (state_.avail_in == 0) {
+        const std::size_t n = inner_->read(input_.data(), input_.size());
+        if (n == 0) throwDamaged(name(), "unexpected end");
+        state_.next_in = reinterpret_cast<Bytef*>(input_.data());
+        state_.avail_in = static_cast<unsigned>(n);
+      }
+      const int code = inflate(&state_, Z_NO_FLUSH);
+      if (code == Z_STREAM_END) {
+        at_end_ = true;
+      } else if (code != Z_OK) {
+        throwDamaged(
+            name(), state_.msg != nullptr ? state_.msg : "zlib code " + std::to_string(code));
+      }
+    }
+    return size - state_.avail_out;
+  }
+  [[nodiscard]] double progress() const override { return inner_->progress(); }
+  void rewind() override {
+    inner_->rewind();
+    inflateEnd(&state_);
+    at_end_ = false;
+    start();
+  }
+  [[nodiscard]] const std::string& name() const override { return inner_->name(); }
+
+ private:
+  void start() {
+    constexpr int kGzWindow = 15 + 16;
+    state_ = {};
+    if (inflateInit2(&state_, kGzWindow) != Z_OK) throwDamaged(name(), "zlib start");
+  }
+
+  std::unique_ptr<ByteStream> inner_;
+  z_stream state_{};
+  std::vector<char> input_;
+  bool at_end_ = false;
+};
+
 class MemoryStream : public ByteStream {
  public:
   MemoryStream(std::string text, std::string name)
@@ -184,7 +235,13 @@ std::unique_ptr<ByteStream> openFile(const std::string& path) {
   if (n == sizeof magic && std::memcmp(magic, "BZh", sizeof magic) == 0) {
     return std::make_unique<Bz2Stream>(path, size);
   }
-  return std::make_unique<GzStream>(path, size);
+  auto stream = std::make_unique<GzStream>(path, size);
+  const std::size_t inside = stream->read(magic, 2);
+  stream->rewind();
+  if (inside == 2 && std::memcmp(magic, "\x1f\x8b", 2) == 0) {
+    return std::make_unique<NestedGzStream>(std::move(stream));
+  }
+  return stream;
 }
 
 std::unique_ptr<ByteStream> openMemory(std::string text, std::string name) {

@@ -8,6 +8,10 @@
 namespace vestibule::io {
 namespace {
 
+bool isWholeNumber(const std::string& text) {
+  return !text.empty() && text.find_first_not_of("0123456789") == std::string::npos;
+}
+
 /// Rows of a CSV with the columns found by name.
 class CsvTable {
  public:
@@ -71,17 +75,15 @@ class CsvTable {
 
  private:
   Timestamp parseTime(const std::string& cell) const {
-    // A power of ten goes into the exponent: no digit of a large integer time is lost.
+    // For a power of ten the decimal point of a whole number moves: no digit of it is lost.
     std::string text = cell;
     double factor = time_.unit_s;
-    if (cell.find_first_of("eE") == std::string::npos) {
-      for (const auto& [unit_s, exponent] :
-           {std::pair{1e-3, "e-3"}, std::pair{1e-6, "e-6"}, std::pair{1e-9, "e-9"}}) {
-        if (time_.unit_s == unit_s) {
-          text += exponent;
-          factor = 1.0;
-        }
-      }
+    for (const auto& [unit_s, digits] :
+         {std::pair{1e-3, 3U}, std::pair{1e-6, 6U}, std::pair{1e-9, 9U}}) {
+      if (time_.unit_s != unit_s || !isWholeNumber(cell)) continue;
+      if (text.size() <= digits) text.insert(0, digits + 1 - text.size(), '0');
+      text.insert(text.size() - digits, 1, '.');
+      factor = 1.0;
     }
     const auto stamp = parseSeconds(text);
     if (!stamp) {

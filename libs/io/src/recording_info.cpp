@@ -53,7 +53,10 @@ class SourceProbe {
         info_.largest_gap_s = std::max(info_.largest_gap_s, dt_s);
       }
     }
-    if (stamp.ns <= 0) find("stamps zero or negative", record.number);
+    // Zero is a fine start of a time axis; twice it is a stamp nobody set.
+    if (stamp.ns < 0 || (stamp.ns == 0 && zero_stamps_++ > 0)) {
+      find("stamps zero or negative", record.number);
+    }
     info_.last = stamp;
     ++info_.count;
     std::visit([&](const auto& m) { look(m, record.number); }, record.measurement);
@@ -76,7 +79,7 @@ class SourceProbe {
       find("covariance never changes: probably not measured", 1, info_.count);
     }
     for (const auto& [text, count] : found_) {
-      findings.push_back({info_.source, text, count.count, count.first});
+      findings.push_back({info_.source + " (" + info_.kind + ")", text, count.count, count.first});
     }
     return info_;
   }
@@ -170,6 +173,7 @@ class SourceProbe {
 
   SourceInfo info_;
   std::map<std::string, Count> found_;
+  std::size_t zero_stamps_ = 0;
   std::vector<float> intervals_s_;
   double path_m_ = 0.0;
   std::map<GnssFixType, std::size_t> fix_types_;
@@ -225,6 +229,9 @@ RecordingInfo inspectRecording(
     if (progress && ++n % kProgressStep == 0) progress(reader->progress());
   }
   for (auto& [key, probe] : probes) info.sources.push_back(probe.finish(info.findings));
+  if (info.sources.empty()) {
+    info.findings.push_back({path, "no laser, odometry, IMU or GNSS measurement", 0, 0});
+  }
   info.notes = reader->notes();
   return info;
 }
@@ -253,8 +260,9 @@ std::string RecordingInfo::toText() const {
   text += table(rows);
   text += findings.empty() ? "\nNothing looks wrong.\n" : "\nLooks wrong:\n";
   for (const Finding& f : findings) {
-    text += "  " + f.source + ": " + f.text + ": " + std::to_string(f.count) + " (first at " +
-            std::to_string(f.first_record) + ")\n";
+    text += "  " + f.source + ": " + f.text + ": " + std::to_string(f.count);
+    if (f.first_record > 0) text += " (first at " + std::to_string(f.first_record) + ")";
+    text += "\n";
   }
   if (!notes.empty()) text += "\nNotes:\n";
   for (const std::string& note : notes) text += "  " + note + "\n";

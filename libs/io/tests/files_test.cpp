@@ -1,0 +1,253 @@
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <sstream>
+
+#include "matchers.hpp"
+#include "temp_files.hpp"
+#include "vestibule/io/event_log.hpp"
+#include "vestibule/io/map_io.hpp"
+#include "vestibule/io/recording_info.hpp"
+#include "vestibule/io/run_directory.hpp"
+#include "vestibule/io/trajectory.hpp"
+
+namespace vestibule::io {
+namespace {
+
+namespace fs = std::filesystem;
+using grid::Cell;
+using testing::HasSubstr;
+
+// --- trajectories --------------------------------------------------------------------------------
+
+TEST(Tum, RoundTrip) {
+  const StampedPose pose{{976052857337284123}, Pose3(1.25, -2.5, 0.125, 2.0, 0.1, -0.2)};
+  const std::string line = formatTumLine(pose);
+  EXPECT_EQ(line.substr(0, 20), "976052857.337284123 ");
+  const auto back = readTum(writeFile(testFolder() / "a.tum", "# t x y z\n" + line));
+  ASSERT_EQ(back.size(), 1U);
+  EXPECT_EQ(back[0].stamp, pose.stamp);
+  EXPECT_NEAR(back[0].T.x, 1.25, 1e-9);
+  EXPECT_NEAR(back[0].T.yaw, 2.0, 1e-8);
+  EXPECT_NEAR(back[0].T.pitch, 0.1, 1e-8);
+  EXPECT_NEAR(back[0].T.roll, -0.2, 1e-8);
+}
+
+TEST(Tum, OneSpellingPerPose) {
+  const StampedPose minus{{0}, Pose3(-0.0, -1e-13, 0.0, -1e-13, 0.0, 0.0)};
+  EXPECT_EQ(
+      formatTumLine(minus),
+      "0.000000000 0.000000000 0.000000000 0.000000000 0.000000000 0.000000000 0.000000000 "
+      "1.000000000\n");
+}
+
+TEST(Tum, BadLinesNameThePlace) {
+  const auto folder = testFolder();
+  const auto error = [&](const std::string& text) {
+    try {
+      (void)readTum(writeFile(folder / "a.tum", text));
+    } catch (const InputError& e) {
+      return std::string(e.what());
+    }
+    return std::string();
+  };
+  const std::string good = "1 0 0 0 0 0 0 1\n";
+  EXPECT_EQ(error(good), "");
+  EXPECT_THAT(error(good + "2 0 0 0\n"), HasSubstr("a.tum:2: 4 columns"));
+  EXPECT_THAT(error(good + "2 0 0 nan 0 0 0 1\n"), HasSubstr("a.tum:2: column 4 is 'nan'"));
+  EXPECT_THAT(error(good + "2 0 0 0 0 0 0 0\n"), HasSubstr("quaternion norm 0"));
+  EXPECT_THAT(error("x 0 0 0 0 0 0 1\n"), HasSubstr("time 'x'"));
+  EXPECT_THAT(error("# nothing\n"), HasSubstr("no poses"));
+  EXPECT_THAT(error(""), HasSubstr("empty"));
+}
+
+// --- run folder ----------------------------------------------------------------------------------
+
+std::vector<std::string> filesIn(const fs::path& folder) {
+  std::vector<std::string> names;
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    names.push_back(fs::relative(entry.path(), folder).string());
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+TEST(RunDirectory, CommitGivesFinalNames) {
+  const auto folder = testFolder() / "deep" / "out";
+  {
+    RunDirectory run(folder);
+    writeFile(run.stage("summary.json"), "{}");
+    writeFile(run.stage("photos/one.png"), "png");
+    (void)run.stage("never-written.txt");
+    EXPECT_FALSE(fs::exists(folder / "summary.json"));
+    run.commit();
+  }
+  EXPECT_THAT(filesIn(folder), testing::ElementsAre("photos", "photos/one.png", "summary.json"));
+}
+
+TEST(RunDirectory, AnAbandonedRunLeavesNothingAndKeepsTheOldResults) {
+  const auto folder = testFolder();
+  writeFile(folder / "trajectory.tum", "old");
+  try {
+    RunDirectory run(folder);
+    writeFile(run.stage("trajectory.tum"), "half of the n");
+    throw InputError("broken recording");
+  } catch (const InputError&) {
+  }
+  EXPECT_THAT(filesIn(folder), testing::ElementsAre("trajectory.tum"));
+  EXPECT_EQ(readFile(folder / "trajectory.tum"), "old");
+}
+
+TEST(RunDirectory, RefusesWhatItCannotWrite) {
+  const auto folder = testFolder();
+  writeFile(folder / "file", "");
+  EXPECT_THROW(RunDirectory(folder / "file"), ConfigError);
+  EXPECT_THROW(RunDirectory(folder / "file/below"), ConfigError);
+  RunDirectory run(folder);
+  EXPECT_THROW((void)run.stage("../outside"), ConfigError);
+  EXPECT_THROW((void)run.stage("/outside"), ConfigError);
+  EXPECT_THROW((void)run.stage(""), ConfigError);
+}
+
+// --- events --------------------------------------------------------------------------------------
+
+TEST(EventLog, WritesOneObjectPerLine) {
+  std::ostringstream out;
+  EventLog log(out);
+  log.onUpdate({{1500000000}, "gnss", Decision::kGated, "chi2 \"far\"", 12.5, NAN, 2});
+  const std::vector<Pose2> particles(3);
+  const std::vector<double> weights(3, 1.0 / 3.0);
+  log.onParticles({{2000000000}, particles, weights, 3.0, 0.5});
+  log.onMode({{3000000000}, Mode::kOutdoor, Mode::kIndoor, "roof", {{"sigma_m", 0.1}}});
+  const std::string text = out.str();
+  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 3);
+  EXPECT_THAT(text, HasSubstr("{\"t\":\"1.500000000\",\"type\":\"update\",\"sensor\":\"gnss\""));
+  EXPECT_THAT(text, HasSubstr("\"reason\":\"chi2 \\\"far\\\"\",\"nis\":12.5,\"gate\":null"));
+  EXPECT_THAT(text, HasSubstr("\"count\":3"));
+  EXPECT_THAT(text, HasSubstr("\"values\":{\"sigma_m\":0.1}"));
+}
+
+// --- maps ----------------------------------------------------------------------------------------
+
+constexpr const char* kMapYaml =
+    "image: m.pgm\nresolution: 0.05\norigin: [1.0, 2.0, 0.0]\nnegate: 0\n"
+    "occupied_thresh: 0.65\nfree_thresh: 0.196\n";
+
+// Top row: occupied, free, unknown; bottom row: free, free, occupied.
+const std::string kPgm =
+    std::string("P5\n3 2\n255\n") + '\x00' + '\xfe' + '\xcd' + "\xfe\xfe" + '\x00';
+
+std::string mapError(const std::string& path) {
+  try {
+    (void)loadMap(path);
+  } catch (const InputError& e) {
+    return std::string("InputError ") + e.what();
+  } catch (const ConfigError& e) {
+    return std::string("ConfigError ") + e.what();
+  }
+  return {};
+}
+
+TEST(MapIo, ReadsAMapServerMap) {
+  const auto folder = testFolder();
+  writeFile(folder / "m.pgm", kPgm);
+  const auto map = loadMap(writeFile(folder / "m.yaml", kMapYaml));
+  EXPECT_EQ(map.width(), 3);
+  EXPECT_EQ(map.height(), 2);
+  EXPECT_EQ(map.at({1.02, 2.07}), Cell::kOccupied);
+  EXPECT_EQ(map.at({1.12, 2.07}), Cell::kUnknown);
+  EXPECT_EQ(map.at({1.12, 2.02}), Cell::kOccupied);
+  EXPECT_EQ(map.at({1.07, 2.02}), Cell::kFree);
+}
+
+TEST(MapIo, TurnsWithTheOriginsYaw) {
+  const auto folder = testFolder();
+  writeFile(folder / "m.pgm", kPgm);
+  std::string yaml = kMapYaml;
+  yaml.replace(yaml.find("2.0, 0.0]"), 9, "2.0, 1.5707963267948966]");
+  const auto map = loadMap(writeFile(folder / "m.yaml", yaml));
+  // A quarter turn about the lower left corner: image x becomes map y.
+  EXPECT_EQ(map.at({1.0 - 0.02, 2.0 + 0.12}), Cell::kOccupied);
+  EXPECT_EQ(map.at({1.0 - 0.07, 2.0 + 0.02}), Cell::kOccupied);
+  EXPECT_EQ(map.at({1.0 - 0.02, 2.0 + 0.02}), Cell::kFree);
+}
+
+TEST(MapIo, SavedMapsComeBackExactly) {
+  const auto folder = testFolder();
+  std::vector<Cell> cells;
+  for (int i = 0; i < 7 * 5; ++i) cells.push_back(static_cast<Cell>(i * 5 % 3));
+  const auto map =
+      grid::OccupancyMap::fromCells(7, 5, 0.05, {-1.234567, 3.3}, cells, {0.1, 0.2, 0.7});
+  saveMapServer(map, (folder / "a.yaml").string(), (folder / "a.pgm").string());
+  EXPECT_THAT(readFile(folder / "a.yaml"), HasSubstr("resolution: 0.05\n"));
+  const auto back = loadMap((folder / "a.yaml").string());
+  ASSERT_EQ(back.width(), 7);
+  for (int i = 0; i < 35; ++i)
+    EXPECT_EQ(back.cell(i % 7, i / 7), cells[static_cast<std::size_t>(i)]);
+  const Pose2 corner_in = compose(map.T_map_grid(), Pose2{map.corner().x, map.corner().y, 0.0});
+  const Pose2 corner_out = compose(back.T_map_grid(), Pose2{back.corner().x, back.corner().y, 0.0});
+  EXPECT_THAT(corner_out, poseNear(corner_in, 1e-12, 1e-12));
+  saveMapServer(back, (folder / "b.yaml").string(), (folder / "b.pgm").string(), "a.pgm");
+  EXPECT_EQ(readFile(folder / "b.yaml"), readFile(folder / "a.yaml"));
+  EXPECT_EQ(readFile(folder / "b.pgm"), readFile(folder / "a.pgm"));
+}
+
+TEST(MapIo, BadMapsNameThePlace) {
+  const auto folder = testFolder();
+  writeFile(folder / "m.pgm", kPgm);
+  const auto with = [&](const std::string& yaml) {
+    return mapError(writeFile(folder / "m.yaml", yaml));
+  };
+  EXPECT_EQ(with(kMapYaml), "");
+  EXPECT_THAT(
+      with("image: m.pgm\norigin: [0, 0, 0]\n"),
+      testing::AllOf(HasSubstr("ConfigError"), HasSubstr("m.yaml:"), HasSubstr("resolution")));
+  EXPECT_THAT(
+      with(std::string(kMapYaml) + "occupied_tresh: 0.5\n"),
+      testing::AllOf(HasSubstr("m.yaml:7"), HasSubstr("did you mean occupied_thresh")));
+  EXPECT_THAT(
+      with("image: m.pgm\nresolution: -1\norigin: [0, 0]\n"),
+      testing::AllOf(HasSubstr("ConfigError"), HasSubstr("m.yaml:2")));
+  EXPECT_THAT(
+      with("resolution: 0.05\nimage: gone.pgm\norigin: [0, 0, 0]\n"),
+      testing::AllOf(HasSubstr("InputError"), HasSubstr("m.yaml:2"), HasSubstr("gone.pgm")));
+  writeFile(folder / "bad.png", "no image");
+  EXPECT_THAT(
+      with("image: bad.png\nresolution: 0.05\norigin: [0, 0, 0]\n"),
+      testing::AllOf(HasSubstr("InputError"), HasSubstr("bad.png"), HasSubstr("not a readable")));
+  EXPECT_THAT(with("image: [\n"), HasSubstr("ConfigError"));
+  EXPECT_THAT(mapError((folder / "none.yaml").string()), HasSubstr("none.yaml"));
+  EXPECT_THAT(
+      mapError(writeFile(folder / "a.gridmap", "garbage")),
+      testing::AllOf(HasSubstr("InputError"), HasSubstr("a.gridmap")));
+  EXPECT_THAT(mapError(writeFile(folder / "a.simplemap.gz", "")), HasSubstr("empty"));
+  EXPECT_THAT(mapError(writeFile(folder / "a.txt", "x")), HasSubstr("unknown kind of map"));
+}
+
+// --- info ----------------------------------------------------------------------------------------
+
+TEST(RecordingInfo, FindsWhatLooksWrong) {
+  // GIVEN ten odometry lines at 10 Hz, one of them stamped before its predecessor
+  std::string text;
+  for (int i = 0; i < 10; ++i) {
+    const double t = 100.0 + 0.1 * (i == 5 ? 3.5 : i);
+    text += "ODOM " + std::to_string(0.5 * i) + " 0 0 0 0 0 " + std::to_string(t) + " host 0\n";
+  }
+  double last_progress = -1.0;
+  const RecordingInfo info = inspectRecording(
+      writeFile(testFolder() / "a.log", text), {}, [&](double p) { last_progress = p; });
+  ASSERT_EQ(info.sources.size(), 1U);
+  EXPECT_EQ(info.sources[0].count, 9U);
+  EXPECT_NEAR(info.sources[0].rate_hz.value(), 10.0, 0.01);
+  EXPECT_EQ(info.sources[0].backward_stamps, 1U);
+  EXPECT_NEAR(info.sources[0].largest_gap_s, 0.25, 1e-6);
+  EXPECT_EQ(info.sources[0].detail, "path 4.5 m");
+  ASSERT_EQ(info.findings.size(), 1U);
+  EXPECT_EQ(info.findings[0].first_record, 6U);
+  EXPECT_THAT(info.toText(), HasSubstr("stamps run backwards: 1 (first at 6)"));
+  EXPECT_THAT(info.toJson(), HasSubstr("\"backward_stamps\": 1"));
+  EXPECT_LT(last_progress, 0.0) << "progress is for long recordings";
+}
+
+}  // namespace
+}  // namespace vestibule::io
