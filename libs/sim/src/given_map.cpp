@@ -15,8 +15,8 @@ namespace {
 constexpr std::uint64_t kSurveySeed = 1;  // the survey happened once; no run may change it
 constexpr int kSurveyBeams = 1080;
 constexpr double kWarpLength_m = 12.0;
-constexpr int kMinHits = 3;              // fewer look like dirt and are left out
-constexpr double kOccupiedShare = 0.25;  // of the beams that reached the cell
+constexpr int kMinHits = 2;              // fewer look like dirt and are left out
+constexpr double kOccupiedShare = 0.12;  // of the beams that reached the cell
 
 const Building& buildingOf(const World& world, const std::string& name) {
   return *std::find_if(world.buildings.begin(), world.buildings.end(), [&](const Building& b) {

@@ -101,6 +101,21 @@ TEST(Farm, TheMapHasItsWallsInPlaceAndItsFurnitureMoved) {
   EXPECT_EQ(map.at({28.6, 2.0}), grid::Cell::kUnknown);
 }
 
+TEST(Farm, TheMappingRobotDroveThroughNothing) {
+  const World world = farm();
+  const WorldGeometry geometry(worldAtSurvey(world));
+  for (const auto& path : world.given_map->survey_paths) {
+    for (std::size_t i = 0; i + 1 < path.size(); ++i) {
+      for (double s = 0.0; s <= 1.0; s += 0.01) {
+        const Point2 p{
+            path[i].x + s * (path[i + 1].x - path[i].x),
+            path[i].y + s * (path[i + 1].y - path[i].y)};
+        EXPECT_GT(geometry.clearance(p), 0.6) << "(" << p.x << ", " << p.y << ")";
+      }
+    }
+  }
+}
+
 /// Start and waypoints of a mission file in map metres, in order.
 std::vector<Point2> waypointsOf(const std::string& name) {
   const YAML::Node mission = YAML::LoadFile(kRoot + "/config/missions/" + name);
