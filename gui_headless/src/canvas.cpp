@@ -15,7 +15,7 @@ namespace {
 
 constexpr int kOversampling = 2;
 constexpr int kShift = 4;  // sub-pixel bits of OpenCV's drawing functions
-constexpr double kFixedPoint = kOversampling * (1 << kShift);
+constexpr double kSubPixels = 1 << kShift;
 constexpr double kClipMargin = 400.0;
 
 cv::Scalar bgr(std::string_view colour) {
@@ -25,17 +25,6 @@ cv::Scalar bgr(std::string_view colour) {
       static_cast<double>(value & 255u),
       static_cast<double>((value >> 8) & 255u),
       static_cast<double>((value >> 16) & 255u)};
-}
-
-// OpenCV puts the centre of the first pixel at 0; ours is its outer edge.
-cv::Point fixedPoint(Canvas::Px p) {
-  return {
-      static_cast<int>(std::lround(p.x * kFixedPoint - 0.5 * (1 << kShift))),
-      static_cast<int>(std::lround(p.y * kFixedPoint - 0.5 * (1 << kShift)))};
-}
-
-int thickness(double width) {
-  return std::max(1, static_cast<int>(std::lround(width * kOversampling)));
 }
 
 // Liang-Barsky against the picture with a margin: far coordinates would overflow OpenCV's integers.
@@ -64,22 +53,45 @@ constexpr int kFont = cv::FONT_HERSHEY_DUPLEX;
 constexpr double kCapHeightOfFont = 21.0;  // pixels at scale 1
 constexpr double kCapHeightOfSize = 0.72;
 
-double fontScale(const Canvas::TextLook& look) {
-  return look.size * kCapHeightOfSize * kOversampling / kCapHeightOfFont;
-}
-int strokeOf(const Canvas::TextLook& look) {
-  return std::max(1, static_cast<int>(std::lround(look.size / (look.bold ? 5.5 : 11.0))));
-}
-
 }  // namespace
 
-Canvas::Canvas(int width_px, int height_px, std::string_view background)
-    : image_(height_px * kOversampling, width_px * kOversampling, CV_8UC3, bgr(background)),
-      width_(width_px),
-      height_(height_px) {}
+Canvas::Canvas(int width_px, int height_px, double density, std::string_view background)
+    : scale_(kOversampling * density),
+      image_(height_px * kOversampling, width_px * kOversampling, CV_8UC3, bgr(background)) {}
+
+// OpenCV puts the centre of the first pixel at 0; ours is its outer edge.
+cv::Point Canvas::fixedPoint(Px p) const {
+  return {
+      static_cast<int>(std::lround((p.x * scale_ - 0.5) * kSubPixels)),
+      static_cast<int>(std::lround((p.y * scale_ - 0.5) * kSubPixels))};
+}
+
+int Canvas::fixedLength(double length) const {
+  return static_cast<int>(std::lround(length * scale_ * kSubPixels));
+}
+
+int Canvas::thickness(double width) const {
+  return std::max(1, static_cast<int>(std::lround(width * scale_)));
+}
+
+cv::Rect Canvas::pixelRect(const cv::Rect2d& rect) const {
+  const auto round = [&](double v) { return static_cast<int>(std::lround(v * scale_)); };
+  const cv::Rect pixels(
+      cv::Point(round(rect.x), round(rect.y)),
+      cv::Point(round(rect.x + rect.width), round(rect.y + rect.height)));
+  return pixels & cv::Rect(0, 0, image_.cols, image_.rows);
+}
+
+double Canvas::fontScale(const TextLook& look) const {
+  return look.size * kCapHeightOfSize * scale_ / kCapHeightOfFont;
+}
+
+int Canvas::stroke(const TextLook& look) const {
+  return thickness(look.size / (look.bold ? 13.0 : 20.0));
+}
 
 void Canvas::line(Px a, Px b, std::string_view colour, double width) {
-  const auto part = clip(a, b, width_, height_);
+  const auto part = clip(a, b, image_.cols / scale_, image_.rows / scale_);
   if (!part) return;
   cv::line(
       image_,
@@ -100,7 +112,7 @@ void Canvas::dashedPolyline(
   const double period = on + off;
   double phase = 0.0;  // position within the current dash and gap
   for (std::size_t i = 1; i < points.size(); ++i) {
-    const auto part = clip(points[i - 1], points[i], width_, height_);
+    const auto part = clip(points[i - 1], points[i], image_.cols / scale_, image_.rows / scale_);
     if (!part) continue;
     const Px d = part->second - part->first;
     const double length = std::hypot(d.x, d.y);
@@ -130,12 +142,8 @@ void Canvas::fillPolygon(const std::vector<Px>& points, std::string_view colour)
 }
 
 void Canvas::fillRect(const cv::Rect2d& rect, std::string_view colour) {
-  const auto round = [](double v) { return static_cast<int>(std::lround(v * kOversampling)); };
-  const cv::Rect pixels(
-      cv::Point(round(rect.x), round(rect.y)),
-      cv::Point(round(rect.x + rect.width), round(rect.y + rect.height)));
-  const cv::Rect visible = pixels & cv::Rect(0, 0, image_.cols, image_.rows);
-  if (visible.area() > 0) image_(visible).setTo(bgr(colour));
+  const cv::Rect pixels = pixelRect(rect);
+  if (pixels.area() > 0) image_(pixels).setTo(bgr(colour));
 }
 
 void Canvas::strokeRect(const cv::Rect2d& r, std::string_view colour, double width) {
@@ -151,21 +159,21 @@ void Canvas::strokeRect(const cv::Rect2d& r, std::string_view colour, double wid
 
 void Canvas::fillCircle(Px centre, double radius, std::string_view colour) {
   if (!(std::abs(centre.x) < 1e6 && std::abs(centre.y) < 1e6)) return;
-  const int r = static_cast<int>(std::lround(radius * kFixedPoint));
+  const int r = fixedLength(radius);
   cv::circle(image_, fixedPoint(centre), r, bgr(colour), cv::FILLED, cv::LINE_AA, kShift);
 }
 
 void Canvas::strokeCircle(Px centre, double radius, std::string_view colour, double width) {
   if (!(std::abs(centre.x) < 1e6 && std::abs(centre.y) < 1e6)) return;
-  const int r = static_cast<int>(std::lround(radius * kFixedPoint));
+  const int r = fixedLength(radius);
   cv::circle(image_, fixedPoint(centre), r, bgr(colour), thickness(width), cv::LINE_AA, kShift);
 }
 
-double Canvas::textWidth(const std::string& words, const TextLook& look) {
+double Canvas::textWidth(const std::string& words, const TextLook& look) const {
   int base = 0;
   const cv::Size size =
-      cv::getTextSize(asciiText(words), kFont, fontScale(look), strokeOf(look), &base);
-  return static_cast<double>(size.width) / kOversampling;
+      cv::getTextSize(asciiText(words), kFont, fontScale(look), stroke(look), &base);
+  return size.width / scale_;
 }
 
 void Canvas::text(const std::string& words, Px baseline, const TextLook& look) {
@@ -174,22 +182,14 @@ void Canvas::text(const std::string& words, Px baseline, const TextLook& look) {
   if (look.align == Align::kCentre) x -= 0.5 * width;
   if (look.align == Align::kRight) x -= width;
   const cv::Point origin(
-      static_cast<int>(std::lround(x * kOversampling)),
-      static_cast<int>(std::lround(baseline.y * kOversampling)));
+      static_cast<int>(std::lround(x * scale_)),
+      static_cast<int>(std::lround(baseline.y * scale_)));
   const std::string ascii = asciiText(words);
-  const int stroke = strokeOf(look);
-  if (look.halo) {
-    cv::putText(
-        image_,
-        ascii,
-        origin,
-        kFont,
-        fontScale(look),
-        bgr(palette::kPaper),
-        stroke + 7,
-        cv::LINE_AA);
-  }
-  cv::putText(image_, ascii, origin, kFont, fontScale(look), bgr(look.colour), stroke, cv::LINE_AA);
+  const auto put = [&](std::string_view colour, int pen) {
+    cv::putText(image_, ascii, origin, kFont, fontScale(look), bgr(colour), pen, cv::LINE_AA);
+  };
+  if (look.halo) put(palette::kPaper, stroke(look) + thickness(3.5));
+  put(look.colour, stroke(look));
 }
 
 void Canvas::blend(double opacity, const std::function<void()>& draw) {
@@ -201,11 +201,7 @@ void Canvas::blend(double opacity, const std::function<void()>& draw) {
 void Canvas::clipped(const cv::Rect2d& rect, const std::function<void()>& draw) {
   const cv::Mat before = image_.clone();
   draw();
-  const auto round = [](double v) { return static_cast<int>(std::lround(v * kOversampling)); };
-  const cv::Rect pixels = cv::Rect(
-                              cv::Point(round(rect.x), round(rect.y)),
-                              cv::Point(round(rect.x + rect.width), round(rect.y + rect.height))) &
-                          cv::Rect(0, 0, image_.cols, image_.rows);
+  const cv::Rect pixels = pixelRect(rect);
   cv::Mat inside = image_(pixels).clone();
   before.copyTo(image_);
   inside.copyTo(image_(pixels));
@@ -213,7 +209,7 @@ void Canvas::clipped(const cv::Rect2d& rect, const std::function<void()>& draw) 
 
 void Canvas::overlay(const cv::Mat& image, const cv::Matx23d& M, bool smooth) {
   // Both images count from pixel centres: shift by half a pixel before and after.
-  cv::Matx23d pixels = M * static_cast<double>(kOversampling);
+  cv::Matx23d pixels = M * scale_;
   pixels(0, 2) += 0.5 * (pixels(0, 0) + pixels(0, 1)) - 0.5;
   pixels(1, 2) += 0.5 * (pixels(1, 0) + pixels(1, 1)) - 0.5;
   cv::Mat warped;
@@ -248,7 +244,7 @@ std::string Canvas::png() const {
       0.0,
       cv::INTER_AREA);
   std::vector<uchar> bytes;
-  cv::imencode(".png", shrunk, bytes, {cv::IMWRITE_PNG_COMPRESSION, 9});
+  cv::imencode(".png", shrunk, bytes, {cv::IMWRITE_PNG_COMPRESSION, 6});
   return {bytes.begin(), bytes.end()};
 }
 

@@ -11,15 +11,17 @@
 namespace vestibule::gui_headless {
 
 /// A picture drawn at twice its size and shrunk at the end, which smooths lines and stroke fonts.
-/// All coordinates and widths are in pixels of the final picture, y down, fractions welcome.
+/// All coordinates and widths are in layout pixels, y down, fractions welcome; the final picture
+/// has `density` pixels per layout pixel, so that text keeps its size beside the text of a page.
 class Canvas {
  public:
   using Px = cv::Point2d;
 
-  Canvas(int width_px, int height_px, std::string_view background);
+  /// \param width_px,height_px of the final picture
+  Canvas(int width_px, int height_px, double density, std::string_view background);
 
-  [[nodiscard]] double width() const { return width_; }
-  [[nodiscard]] double height() const { return height_; }
+  /// Pixels that are really drawn per layout pixel.
+  [[nodiscard]] double scale() const { return scale_; }
 
   void line(Px a, Px b, std::string_view colour, double width);
   void polyline(const std::vector<Px>& points, std::string_view colour, double width);
@@ -42,7 +44,7 @@ class Canvas {
   };
   /// `baseline` is the left (centre, right) end of the baseline.
   void text(const std::string& words, Px baseline, const TextLook& look);
-  [[nodiscard]] static double textWidth(const std::string& words, const TextLook& look);
+  [[nodiscard]] double textWidth(const std::string& words, const TextLook& look) const;
 
   /// Whatever `draw` draws is blended with the given opacity, overlapping shapes only once.
   void blend(double opacity, const std::function<void()>& draw);
@@ -56,9 +58,15 @@ class Canvas {
   [[nodiscard]] std::string png() const;
 
  private:
+  [[nodiscard]] cv::Point fixedPoint(Px p) const;
+  [[nodiscard]] int fixedLength(double length) const;
+  [[nodiscard]] int thickness(double width) const;
+  [[nodiscard]] cv::Rect pixelRect(const cv::Rect2d& rect) const;
+  [[nodiscard]] double fontScale(const TextLook& look) const;
+  [[nodiscard]] int stroke(const TextLook& look) const;
+
+  double scale_;  ///< pixels of image_ per layout pixel
   cv::Mat image_;
-  double width_;
-  double height_;
 };
 
 /// North-up mapping of a part of the map frame onto a rectangle of a canvas.

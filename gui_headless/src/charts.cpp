@@ -183,7 +183,20 @@ std::string xTicks(const Axis& x, double y_bottom) {
 
 /// Approximate width of proportional text, enough to keep labels apart.
 double widthOf(const std::string& words, double size) {
-  return 0.56 * size * static_cast<double>(words.size());
+  double sum = 0.0;
+  for (const char c : words) {
+    const std::string_view narrow = "fijlrtI.,:;'|!()[] ";
+    const std::string_view wide = "mwMW%@";
+    const bool is_capital = c >= 'A' && c <= 'Z';
+    if (narrow.find(c) != std::string_view::npos) {
+      sum += 0.36;
+    } else if (wide.find(c) != std::string_view::npos) {
+      sum += 0.9;
+    } else {
+      sum += is_capital ? 0.68 : 0.6;
+    }
+  }
+  return size * sum;
 }
 
 double logChiSquareDensity(double value, int dof) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <opencv2/imgproc.hpp>
 
 #include "palette.hpp"
@@ -27,36 +28,44 @@ std::vector<Px> pixels(const View& view, const geo::Polygon& polygon) {
 
 }  // namespace
 
+double LabelPlacer::cost(const cv::Rect2d& rect) const {
+  const cv::Rect2d roomy(rect.x - 3, rect.y - 2, rect.width + 6, rect.height + 4);
+  double sum = 1e6 * (1.0 - (roomy & area_).area() / roomy.area());
+  for (const cv::Rect2d& other : taken_) sum += 10.0 * (roomy & other).area();
+  for (const Px& p : avoided_) sum += roomy.contains(p) ? 5.0 : 0.0;
+  return sum;
+}
+
 void LabelPlacer::draw(
     Canvas& canvas, const std::string& words, Px anchor, double gap, const Canvas::TextLook& look) {
-  const double w = Canvas::textWidth(words, look);
+  const double w = canvas.textWidth(words, look);
   const double h = look.size;
-  const double d = 0.7 * gap;
-  const std::vector<cv::Point2d> corners = {
-      {gap, -0.5 * h},
-      {-gap - w, -0.5 * h},
-      {-0.5 * w, -gap - h},
-      {-0.5 * w, gap},
-      {d, -d - h},
-      {d, d},
-      {-d - w, -d - h},
-      {-d - w, d}};
-  cv::Rect2d chosen(anchor.x + gap, anchor.y - 0.5 * h, w, h);
-  for (const auto& corner : corners) {
-    const cv::Rect2d rect(anchor.x + corner.x, anchor.y + corner.y, w, h);
-    const cv::Rect2d roomy(rect.x - 3, rect.y - 2, rect.width + 6, rect.height + 4);
-    const bool inside = (roomy & area_).area() >= roomy.area() - 1e-6;
-    const bool is_free = std::none_of(taken_.begin(), taken_.end(), [&](const cv::Rect2d& other) {
-      return (roomy & other).area() > 0.0;
-    });
-    if (!inside || !is_free) continue;
-    chosen = rect;
-    break;
+  cv::Rect2d best;
+  double least = std::numeric_limits<double>::infinity();
+  for (const double ring : {1.0, 1.8, 2.8}) {
+    const double g = ring * gap;
+    const double d = 0.75 * g;
+    const std::vector<Px> corners = {
+        {g, -0.5 * h},
+        {-g - w, -0.5 * h},
+        {-0.5 * w, -g - h},
+        {-0.5 * w, g},
+        {d, -d - h},
+        {d, d},
+        {-d - w, -d - h},
+        {-d - w, d}};
+    for (const Px& corner : corners) {
+      const cv::Rect2d rect(anchor.x + corner.x, anchor.y + corner.y, w, h);
+      const double price = cost(rect) + 4.0 * (ring - 1.0);  // near is better
+      if (price >= least) continue;
+      least = price;
+      best = rect;
+    }
   }
-  taken_.push_back(chosen);
+  taken_.push_back(best);
   Canvas::TextLook left = look;
   left.align = Canvas::Align::kLeft;
-  canvas.text(words, {chosen.x, chosen.y + 0.86 * h}, left);
+  canvas.text(words, {best.x, best.y + 0.86 * h}, left);
 }
 
 void drawGrid(Canvas& canvas, const View& view) {
@@ -96,7 +105,7 @@ void drawGridLabels(Canvas& canvas, const View& view, LabelPlacer& labels) {
     if (py > a.y + a.height - 30 || py < a.y + 14) continue;
     const std::string words = fixed(v, x.decimals);
     canvas.text(words, {a.x + 7, py + 4}, look);
-    labels.block({a.x, py - 8, Canvas::textWidth(words, look) + 14, 16});
+    labels.block({a.x, py - 8, canvas.textWidth(words, look) + 14, 16});
   }
 }
 
@@ -117,16 +126,16 @@ void drawPriorMap(Canvas& canvas, const View& view, const grid::OccupancyMap& ma
   }
   // Where many cells share a pixel, average them first, and strengthen walls of one cell's width
   // so that they do not fade away.
-  const double px_per_cell = view.pxPerMetre() * map.resolution();
+  const double px_per_cell = canvas.scale() * view.pxPerMetre() * map.resolution();
   double gain = 1.0;
-  if (px_per_cell < 0.5) {
-    const double shrink = 1.0 / (2.0 * px_per_cell);
+  if (px_per_cell < 1.0) {
+    const double shrink = 1.0 / px_per_cell;
     const cv::Size size(
         std::max(1, static_cast<int>(std::lround(w / shrink))),
         std::max(1, static_cast<int>(std::lround(h / shrink))));
     cv::resize(occupied, occupied, size, 0.0, 0.0, cv::INTER_AREA);
     cv::resize(known, known, size, 0.0, 0.0, cv::INTER_AREA);
-    gain = std::clamp(0.8 * shrink, 1.0, 5.0);
+    gain = std::min(1.5 * shrink, 6.0);
   }
   const cv::Vec3d paper = bgrOf(palette::kPaper);
   const cv::Vec3d wall = bgrOf(palette::kWall);
@@ -153,7 +162,7 @@ void drawPriorMap(Canvas& canvas, const View& view, const grid::OccupancyMap& ma
   const Px along_x = toPixel(1, 0) - origin;
   const Px along_y = toPixel(0, 1) - origin;
   const cv::Matx23d M(along_x.x, along_y.x, origin.x, along_x.y, along_y.y, origin.y);
-  canvas.overlay(image, M, px_per_cell < 1.0);
+  canvas.overlay(image, M, px_per_cell < 2.0);
 }
 
 void drawBuildingFill(Canvas& canvas, const View& view, const geo::Site& site) {

@@ -10,12 +10,17 @@
 
 namespace vestibule::gui_headless {
 
-/// Finds room for labels: each goes to the first of eight places around its point where it covers
-/// no earlier label.
+/// Finds room for labels: of the places around a point the one that covers the least of the
+/// earlier labels and of what should stay visible.
 class LabelPlacer {
  public:
   explicit LabelPlacer(const cv::Rect2d& area) : area_(area) {}
+  /// Never write here if there is any other place.
   void block(const cv::Rect2d& rect) { taken_.push_back(rect); }
+  /// Rather not write over these points.
+  void avoid(const std::vector<Canvas::Px>& points) {
+    avoided_.insert(avoided_.end(), points.begin(), points.end());
+  }
   void draw(
       Canvas& canvas,
       const std::string& words,
@@ -24,8 +29,11 @@ class LabelPlacer {
       const Canvas::TextLook& look);
 
  private:
+  [[nodiscard]] double cost(const cv::Rect2d& rect) const;
+
   cv::Rect2d area_;
   std::vector<cv::Rect2d> taken_;
+  std::vector<Canvas::Px> avoided_;
 };
 
 /// Metre grid with coordinates along the left and the lower edge.

@@ -22,10 +22,14 @@ using LookAlign = Canvas::Align;
 // 95 % of a planar Gaussian lies within this many standard deviations (chi-square, 2 dof: 5.991).
 constexpr double kSigmas95 = 2.4477;
 
+constexpr double kLayoutWidth = 1126.0;
+
 class Box {
  public:
   void add(const Point2& p) {
-    if (!std::isfinite(p.x) || !std::isfinite(p.y)) return;
+    // Beyond any site; a filter that diverged that far would leave nothing else to see.
+    constexpr double kFar_m = 1e7;
+    if (!(std::abs(p.x) < kFar_m && std::abs(p.y) < kFar_m)) return;  // nor NaN
     x0_ = std::min(x0_, p.x);
     x1_ = std::max(x1_, p.x);
     y0_ = std::min(y0_, p.y);
@@ -68,19 +72,21 @@ Box contentBox(
   return box;
 }
 
-/// Points of a path without those closer than half a pixel to the one before.
-std::vector<Px> thinnedPath(const std::vector<Px>& path) {
+/// Points of a path without those closer than `spacing_px` to the one before; the last one stays.
+std::vector<Px> spacedPath(const std::vector<Px>& path, double spacing_px) {
   std::vector<Px> kept;
   for (std::size_t i = 0; i < path.size(); ++i) {
     const bool is_last = i + 1 == path.size();
     if (!kept.empty() && !is_last) {
       const Px d = path[i] - kept.back();
-      if (std::hypot(d.x, d.y) < 0.5) continue;
+      if (std::hypot(d.x, d.y) < spacing_px) continue;
     }
     kept.push_back(path[i]);
   }
   return kept;
 }
+
+constexpr double kInvisible_px = 0.5;
 
 struct Run {
   Mode mode;
@@ -97,7 +103,7 @@ std::vector<Run> runsByMode(const std::vector<PoseSample>& track, const View& vi
     }
     runs.back().path.push_back(p);
   }
-  for (Run& run : runs) run.path = thinnedPath(run.path);
+  for (Run& run : runs) run.path = spacedPath(run.path, kInvisible_px);
   return runs;
 }
 
@@ -109,7 +115,7 @@ std::vector<Px> ellipse95(const PoseSample& sample, const View& view) {
   const Eigen::Vector2d axes = kSigmas95 * eigen.eigenvalues().cwiseSqrt();
   const double major_px = axes(1) * view.pxPerMetre();
   // Smaller than the line it belongs to, or larger than the picture: shows nothing.
-  if (major_px < 4.0 || major_px > view.area().width) return {};
+  if (major_px < 7.0 || major_px > view.area().width) return {};
   std::vector<Px> ring;
   for (int i = 0; i <= 48; ++i) {
     const double a = 2.0 * kPi * i / 48.0;
@@ -151,16 +157,16 @@ constexpr double kLegendText = 13.0;
 constexpr double kLegendRow = 26.0;
 constexpr double kLegendMark = 30.0;
 
-double legendItemWidth(const LegendItem& item) {
+double legendItemWidth(const Canvas& canvas, const LegendItem& item) {
   const Canvas::TextLook look{kLegendText, palette::kInk};
-  return kLegendMark + 8.0 + Canvas::textWidth(item.words, look) + 26.0;
+  return kLegendMark + 8.0 + canvas.textWidth(item.words, look) + 22.0;
 }
 
-int legendRows(const std::vector<LegendItem>& items, double width) {
+int legendRows(const Canvas& canvas, const std::vector<LegendItem>& items, double width) {
   int rows = items.empty() ? 0 : 1;
   double x = 0.0;
   for (const LegendItem& item : items) {
-    const double w = legendItemWidth(item);
+    const double w = legendItemWidth(canvas, item);
     if (x > 0.0 && x + w > width) {
       ++rows;
       x = 0.0;
@@ -174,7 +180,7 @@ void drawLegend(Canvas& canvas, const std::vector<LegendItem>& items, const cv::
   double x = area.x;
   double y = area.y + 0.5 * kLegendRow;
   for (const LegendItem& item : items) {
-    const double w = legendItemWidth(item);
+    const double w = legendItemWidth(canvas, item);
     if (x > area.x && x + w > area.x + area.width) {
       x = area.x;
       y += kLegendRow;
@@ -223,6 +229,7 @@ std::vector<LegendItem> legendOf(
     const Scene& scene,
     const OverviewStyle& style,
     const std::vector<PoseSample>& track,
+    const std::vector<DrawnEllipse>& ellipses,
     const StampedPoses& reference) {
   using Mark = LegendItem::Mark;
   std::vector<LegendItem> items;
@@ -233,8 +240,8 @@ std::vector<LegendItem> legendOf(
     const std::string words = scene.reference.empty() ? "ground truth" : "reference";
     items.push_back({Mark::kDashes, palette::kInk, words});
   }
-  if (style.ellipses && !track.empty()) {
-    items.push_back({Mark::kEllipse, colourOf(*modes.begin()), "95 % of position"});
+  if (!ellipses.empty()) {
+    items.push_back({Mark::kEllipse, colourOf(ellipses.front().mode), "95 % of position"});
   }
   if (style.particles && !run.snapshots().empty()) {
     items.push_back({Mark::kDots, palette::kParticle, "particles"});
@@ -270,6 +277,7 @@ void drawMapArea(
     const Scene& scene,
     const OverviewStyle& style,
     const std::vector<PoseSample>& track,
+    const std::vector<DrawnEllipse>& ellipses,
     const StampedPoses& reference) {
   canvas.fillRect(view.area(), palette::kGround);
   drawGrid(canvas, view);
@@ -294,15 +302,12 @@ void drawMapArea(
       }
     });
   }
-  if (style.ellipses) {
-    const auto ellipses = ellipsesAlong(track, view);
-    canvas.blend(0.13, [&] {
-      for (const auto& e : ellipses) canvas.fillPolygon(e.ring, colourOf(e.mode));
-    });
-    canvas.blend(0.6, [&] {
-      for (const auto& e : ellipses) canvas.polyline(e.ring, colourOf(e.mode), 0.8);
-    });
-  }
+  canvas.blend(0.13, [&] {
+    for (const auto& e : ellipses) canvas.fillPolygon(e.ring, colourOf(e.mode));
+  });
+  canvas.blend(0.6, [&] {
+    for (const auto& e : ellipses) canvas.polyline(e.ring, colourOf(e.mode), 0.8);
+  });
   const auto runs = runsByMode(track, view);
   canvas.blend(0.8, [&] {
     for (const auto& part : runs) canvas.polyline(part.path, palette::kPaper, 6.5);
@@ -310,12 +315,13 @@ void drawMapArea(
   for (const auto& part : runs) canvas.polyline(part.path, colourOf(part.mode), 3.5);
   std::vector<Px> truth;
   for (const auto& row : reference) truth.push_back(view(row.second));
-  canvas.dashedPolyline(thinnedPath(truth), palette::kInk, 1.0, 7.0, 5.0);
+  canvas.dashedPolyline(spacedPath(truth, kInvisible_px), palette::kInk, 1.0, 7.0, 5.0);
 
   LabelPlacer labels(view.area());
   drawScaleBar(canvas, view, labels);
   drawNorthArrow(canvas, view, labels);
   drawGridLabels(canvas, view, labels);
+  for (const auto& part : runs) labels.avoid(spacedPath(part.path, 5.0));
   const Canvas::TextLook name{13.0, palette::kInk, false, true};
   for (const auto& waypoint : scene.waypoints) {
     const Px p = view(waypoint.second);
@@ -331,8 +337,13 @@ void drawMapArea(
     canvas.fillRect({end.x - 6, end.y - 6, 12, 12}, palette::kInk);
     labels.block({start.x - 8, start.y - 8, 16, 16});
     labels.block({end.x - 8, end.y - 8, 16, 16});
-    labels.draw(canvas, "start", start, 13.0, {13.0, palette::kInk, true, true});
-    labels.draw(canvas, "end", end, 13.0, {13.0, palette::kInk, true, true});
+    const Canvas::TextLook look{13.0, palette::kInk, true, true};
+    if (std::hypot(start.x - end.x, start.y - end.y) < 16.0) {
+      labels.draw(canvas, "start, end", end, 13.0, look);
+    } else {
+      labels.draw(canvas, "start", start, 13.0, look);
+      labels.draw(canvas, "end", end, 13.0, look);
+    }
   }
   std::set<std::string> named;  // a mission may come back to the same waypoint
   for (const auto& waypoint : scene.waypoints) {
@@ -361,14 +372,13 @@ std::string renderOverview(const RunRecorder& run, const Scene& scene, const Ove
   const std::vector<PoseSample> track = run.primaryPoses();
   const StampedPoses reference = referenceOf(run, scene);
   const Box box = contentBox(scene, track, reference);
-  const auto legend = legendOf(run, scene, style, track, reference);
 
-  const double width = std::max(320, style.width_px);
-  constexpr double kPad = 16.0;
-  const double map_width = width - 2.0 * kPad;
-  const double header = style.title.empty() ? kPad : 54.0;
-  const double legend_height = legendRows(legend, map_width) * kLegendRow;
-  const double footer = legend.empty() ? kPad : legend_height + 2.0 * kPad;
+  // Laid out for the text column of the report, whatever the number of pixels.
+  const int width_px = std::max(320, style.width_px);
+  const double density = width_px / kLayoutWidth;
+  const double pad = style.title.empty() ? 1.0 : 14.0;
+  const double map_width = kLayoutWidth - 2.0 * pad;
+  const double header = style.title.empty() ? pad : 46.0;
 
   // Room for labels around the content, and never a view so close that noise looks like motion.
   const double content_width = std::max(box.empty() ? 0.0 : 1.12 * box.width(), 4.0);
@@ -377,15 +387,21 @@ std::string renderOverview(const RunRecorder& run, const Scene& scene, const Ove
   const double highest = 0.72 * map_width;
   const double map_height = std::clamp(map_width * content_height / content_width, lowest, highest);
   const double px_per_m = std::min(map_width / content_width, map_height / content_height);
-
-  Canvas canvas(
-      static_cast<int>(width),
-      static_cast<int>(std::lround(header + map_height + footer)),
-      palette::kPaper);
-  const cv::Rect2d area(kPad, header, map_width, std::round(map_height));
+  const cv::Rect2d area(pad, header, map_width, std::round(map_height));
   const View view(area, box.empty() ? Point2(0.0, 0.0) : box.centre(), px_per_m);
+
+  const auto ellipses = style.ellipses ? ellipsesAlong(track, view) : std::vector<DrawnEllipse>{};
+  const auto legend = legendOf(run, scene, style, track, ellipses, reference);
+  const Canvas ruler(1, 1, density, palette::kPaper);
+  const double legend_height = legendRows(ruler, legend, map_width) * kLegendRow;
+  const double footer = legend.empty() ? pad : legend_height + 18.0;
+  Canvas canvas(
+      width_px,
+      static_cast<int>(std::lround(density * (header + map_height + footer))),
+      density,
+      palette::kPaper);
   if (!style.title.empty()) {
-    canvas.text(style.title, {kPad, 36.0}, {21.0, palette::kInk, false, false});
+    canvas.text(style.title, {pad, 30.0}, {19.0, palette::kInk, false, false});
   }
   canvas.clipped(area, [&] {
     if (box.empty()) {
@@ -395,11 +411,11 @@ std::string renderOverview(const RunRecorder& run, const Scene& scene, const Ove
           {area.x + 0.5 * area.width, area.y + 0.5 * area.height},
           {16.0, palette::kMuted, false, false, LookAlign::kCentre});
     } else {
-      drawMapArea(canvas, view, run, scene, style, track, reference);
+      drawMapArea(canvas, view, run, scene, style, track, ellipses, reference);
     }
   });
   canvas.strokeRect(area, palette::kLine, 1.0);
-  drawLegend(canvas, legend, {kPad, header + area.height + kPad, map_width, legend_height});
+  drawLegend(canvas, legend, {pad, header + area.height + 12.0, map_width, legend_height});
   return canvas.png();
 }
 

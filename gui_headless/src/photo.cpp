@@ -29,12 +29,15 @@ void drawRobot(Canvas& canvas, const View& view, const PhotoView& photo) {
 }  // namespace
 
 std::string renderPhoto(const PhotoView& photo, const Scene& scene) {
-  const int size = std::max(240, photo.size_px);
+  const int size_px = std::max(240, photo.size_px);
+  constexpr double kSize = 540.0;
   constexpr double kCaption = 60.0;
-  Canvas canvas(size, size + static_cast<int>(kCaption), palette::kPaper);
-  const cv::Rect2d area(0.0, 0.0, size, size);
+  const double density = size_px / kSize;
+  const int height_px = static_cast<int>(std::lround(density * (kSize + kCaption)));
+  Canvas canvas(size_px, height_px, density, palette::kPaper);
+  const cv::Rect2d area(0.0, 0.0, kSize, kSize);
   const View view(
-      area, Point2(photo.T_map_base.x, photo.T_map_base.y), 0.5 * size / photo.radius_m);
+      area, Point2(photo.T_map_base.x, photo.T_map_base.y), 0.5 * kSize / photo.radius_m);
   canvas.clipped(area, [&] {
     canvas.fillRect(area, palette::kGround);
     drawGrid(canvas, view);
@@ -47,32 +50,33 @@ std::string renderPhoto(const PhotoView& photo, const Scene& scene) {
     std::vector<Px> echoes;
     for (const Point2& p : photo.p_base_scan)
       echoes.push_back(view(transform(photo.T_map_base, p)));
-    // The space the beams have swept, seen from the robot.
-    std::vector<Px> swept = echoes;
-    swept.push_back(view(photo.T_map_base));
-    canvas.blend(0.07, [&] { canvas.fillPolygon(swept, palette::kOutdoor); });
-    for (const Px& p : echoes) canvas.fillCircle(p, 2.6, palette::kLost);
+    const Px robot = view(photo.T_map_base);
+    canvas.blend(0.1, [&] {
+      for (const Px& p : echoes) canvas.line(robot, p, palette::kOutdoor, 0.9);
+    });
+    for (const Px& p : echoes) canvas.fillCircle(p, 1.9, palette::kLost);
     drawRobot(canvas, view, photo);
     LabelPlacer labels(area);
     drawScaleBar(canvas, view, labels);
     drawNorthArrow(canvas, view, labels);
-    labels.block({0.5 * size - 40, 0.5 * size - 40, 80, 80});
+    labels.block({0.5 * kSize - 40, 0.5 * kSize - 40, 80, 80});
     for (const auto& waypoint : scene.waypoints) {
       const Px p = view(waypoint.second);
-      if (!area.contains(p)) continue;
+      // The one the robot stands on is named in the caption.
+      const bool is_under_robot = std::hypot(p.x - robot.x, p.y - robot.y) < 40.0;
+      if (!area.contains(p) || is_under_robot) continue;
       canvas.strokeCircle(p, 5.5, palette::kInk, 2.0);
       labels.draw(canvas, waypoint.first, p, 12.0, {13.0, palette::kInk, false, true});
     }
   });
-  const double base = size;
-  canvas.line({0.0, base}, {base, base}, palette::kLine, 1.0);
+  canvas.line({0.0, kSize}, {kSize, kSize}, palette::kLine, 1.0);
   const std::string name = photo.waypoint.empty() ? "view around the robot" : photo.waypoint;
-  canvas.text(name, {16.0, base + 25.0}, {16.0, palette::kInk, true, false});
+  canvas.text(name, {16.0, kSize + 25.0}, {16.0, palette::kInk, true, false});
   const Pose2& T = photo.T_map_base;
   const std::string facts = "t = " + fixed(toSeconds(photo.stamp), 1) +
                             " s    x = " + fixed(T.x, 2) + " m    y = " + fixed(T.y, 2) +
                             " m    yaw = " + fixed(radToDeg(wrapToPi(T.phi)), 1) + " deg";
-  canvas.text(facts, {16.0, base + 47.0}, {12.5, palette::kMuted, false, false});
+  canvas.text(facts, {16.0, kSize + 47.0}, {12.5, palette::kMuted, false, false});
   return canvas.png();
 }
 

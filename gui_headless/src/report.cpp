@@ -33,11 +33,11 @@ nav a:hover { border-color: var(--accent); }
 section { background: #fff; border: 1px solid var(--line); border-radius: 12px; padding: 24px 26px;
   margin: 0 0 22px; box-shadow: 0 1px 2px rgba(28, 39, 51, 0.04); }
 section p { margin: 0 0 12px; max-width: 78ch; color: #33414f; }
-.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(150px, 1fr)); gap: 12px;
+.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(142px, 1fr)); gap: 12px;
   margin: 4px 0 20px; }
 .tile { background: var(--ground); border-radius: 10px; padding: 12px 14px; }
 .tile .label { color: var(--muted); font-size: 13px; }
-.tile .value { font-size: 25px; font-weight: 600; letter-spacing: -0.015em; line-height: 1.3;
+.tile .value { font-size: 24px; font-weight: 600; letter-spacing: -0.015em; line-height: 1.3;
   font-variant-numeric: tabular-nums; white-space: nowrap; }
 .tile .unit { font-size: 15px; font-weight: 500; color: var(--muted); letter-spacing: 0; }
 .tile .note { color: var(--muted); font-size: 12.5px; line-height: 1.35; }

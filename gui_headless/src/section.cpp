@@ -64,18 +64,14 @@ class SectionBuilder {
 
   [[nodiscard]] std::vector<Figure> highlights() const {
     std::vector<Figure> tiles;
-    const std::string duration = durationText(duration_s_);
-    const auto space = duration_s_ < 120.0 ? duration.rfind(' ') : std::string::npos;
-    Figure time{"Duration", duration.substr(0, space), "", "", Figure::Verdict::kNone, ""};
-    if (space != std::string::npos) time.unit = duration.substr(space + 1);
-    tiles.push_back(time);
+    tiles.push_back(durationTile());
     tiles.push_back(plain("Distance", fixed(run_.distanceTravelled(), 1), "m"));
     if (!errors_.position_m.empty()) {
       const Spread position = spreadOf(errors_.position_m);
       const Spread yaw = spreadOf(errors_.yaw_deg);
-      Figure rmse = plain("Position error, RMSE", fixed(position.rmse, 3), "m");
+      Figure rmse = plain("Position RMSE", fixed(position.rmse, 3), "m");
       rmse.note = "max " + fixed(position.worst, 3) + " m";
-      Figure turn = plain("Yaw error, RMSE", fixed(yaw.rmse, 2), "\u00b0");
+      Figure turn = plain("Yaw RMSE", fixed(yaw.rmse, 2), "\u00b0");
       turn.note = "max " + fixed(yaw.worst, 2) + "\u00b0";
       tiles.push_back(rmse);
       tiles.push_back(turn);
@@ -137,6 +133,16 @@ class SectionBuilder {
 
   static Figure plain(const std::string& label, const std::string& value, const std::string& unit) {
     return {label, value, unit, "", Figure::Verdict::kNone, ""};
+  }
+
+  [[nodiscard]] Figure durationTile() const {
+    if (duration_s_ < 120.0) return plain("Duration", fixed(duration_s_, 1), "s");
+    const auto whole = static_cast<long long>(std::llround(duration_s_));
+    const bool hours = whole >= 3600;
+    const auto big = hours ? whole / 3600 : whole / 60;
+    const auto small = hours ? whole / 60 % 60 : whole % 60;
+    const std::string digits = (small < 10 ? "0" : "") + std::to_string(small);
+    return plain("Duration", std::to_string(big) + ":" + digits, hours ? "h" : "min");
   }
 
   [[nodiscard]] LineChart timeChart(const std::string& title, const std::string& y_label) const {

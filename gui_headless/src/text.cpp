@@ -82,19 +82,6 @@ std::string grouped(std::size_t value) {
   return out;
 }
 
-std::string durationText(double seconds) {
-  if (!std::isfinite(seconds)) return "-";
-  if (seconds < 120.0) return fixed(seconds, 1) + " s";
-  const auto whole = static_cast<long long>(std::llround(seconds));
-  std::array<char, 64> buffer{};
-  if (whole < 3600) {
-    std::snprintf(buffer.data(), buffer.size(), "%lld min %02lld s", whole / 60, whole % 60);
-  } else {
-    std::snprintf(buffer.data(), buffer.size(), "%lld h %02lld min", whole / 3600, whole / 60 % 60);
-  }
-  return buffer.data();
-}
-
 std::string asciiText(std::string_view utf8) {
   // Latin-1 letters U+00C0..U+00FF, both bytes of which are fixed in UTF-8 (0xC3, 0x80 + n).
   static constexpr std::string_view kLatin1 =

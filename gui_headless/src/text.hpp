@@ -17,8 +17,6 @@ namespace vestibule::gui_headless {
 [[nodiscard]] std::string compact(double value, int decimals);
 /// Whole number with thousands separated by thin spaces for HTML.
 [[nodiscard]] std::string grouped(std::size_t value);
-/// "42.0 s", "12 min 05 s", "1 h 20 min".
-[[nodiscard]] std::string durationText(double seconds);
 /// 7-bit text for OpenCV's stroke fonts: common Latin letters lose their accents, others become ?.
 [[nodiscard]] std::string asciiText(std::string_view utf8);
 
