@@ -320,6 +320,16 @@ bool parseNumber(std::string_view word, double& value) {
   return error == std::errc() && end == word.data() + word.size();
 }
 
+bool isPlausible(Timestamp stamp) {
+  constexpr std::int64_t kLimit_ns = 4'600'000'000'000'000'000;
+  return stamp.ns >= -kLimit_ns && stamp.ns <= kLimit_ns;
+}
+
+std::optional<Timestamp> parseStamp(std::string_view word) {
+  const auto stamp = parseSeconds(word);
+  return stamp && isPlausible(*stamp) ? stamp : std::nullopt;
+}
+
 std::string quoted(std::string_view word, std::size_t max_size) {
   std::string text = "'";
   for (const char c : word.substr(0, max_size)) text += c >= ' ' && c <= '~' ? c : '?';

@@ -4,10 +4,13 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
+
+#include "vestibule/core/time.hpp"
 
 namespace vestibule::io {
 
@@ -71,6 +74,10 @@ class Notes {
 void splitWords(std::string_view line, std::vector<std::string_view>& words);
 /// A whole word as a number; empty for anything else. Accepts "nan" and "inf".
 [[nodiscard]] bool parseNumber(std::string_view word, double& value);
+/// A stamp in seconds as parseSeconds reads it, within +-146 years: the difference of any two then
+/// fits 64 bits of nanoseconds.
+[[nodiscard]] std::optional<Timestamp> parseStamp(std::string_view word);
+[[nodiscard]] bool isPlausible(Timestamp stamp);
 /// A word shortened for a message, unprintable bytes replaced.
 [[nodiscard]] std::string quoted(std::string_view word, std::size_t max_size = 40);
 

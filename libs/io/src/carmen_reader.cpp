@@ -50,7 +50,7 @@ class Fields {
     return {unit_m * number(i), unit_m * number(i + 1), wrapToPi(number(i + 2))};
   }
   Timestamp stamp(std::size_t i) const {
-    const auto stamp = parseSeconds(words_[i]);
+    const auto stamp = parseStamp(words_[i]);
     if (!stamp) fail(i, "a time in seconds");
     return *stamp;
   }

@@ -5,6 +5,8 @@
 namespace vestibule::io {
 namespace {
 
+constexpr Bounds kDelays = within(-3600.0, 3600.0);
+
 const std::vector<std::pair<std::string_view, CsvAxes>>& axesNames() {
   static const std::vector<std::pair<std::string_view, CsvAxes>> names{
       {"east_north", CsvAxes::kEastNorth}, {"north_east", CsvAxes::kNorthEast}};
@@ -39,7 +41,7 @@ void describe(ParamIo& io, CsvGnss& gnss) {
   io.optional("sigma_vertical_m", gnss.sigma_vertical_m, positive());
   io.optional("optional", gnss.optional);
   io.optional("repeats_are_stale", gnss.repeats_are_stale);
-  io.optional("delay_s", gnss.delay_s);
+  io.optional("delay_s", gnss.delay_s, kDelays);
   const bool geodetic = gnss.lat && gnss.lon && !gnss.x && !gnss.y && !gnss.z;
   const bool local = gnss.x && gnss.y && !gnss.lat && !gnss.lon && !gnss.height;
   if (!io.writing() && !geodetic && !local) {
@@ -55,7 +57,7 @@ void describe(ParamIo& io, CsvWheels& wheels) {
   io.optional("distance_scale", wheels.distance_scale, positive());
   io.optional("max_dt_s", wheels.max_dt_s, positive());
   io.optional("optional", wheels.optional);
-  io.optional("delay_s", wheels.delay_s);
+  io.optional("delay_s", wheels.delay_s, kDelays);
 }
 
 void describe(ParamIo& io, CsvHeading& heading) {
@@ -69,7 +71,7 @@ void describe(ParamIo& io, CsvHeading& heading) {
   if (sigma_deg) heading.sigma_rad = degToRad(*sigma_deg);
   io.optional("optional", heading.optional);
   io.optional("emit", heading.emit);
-  io.optional("delay_s", heading.delay_s);
+  io.optional("delay_s", heading.delay_s, kDelays);
 }
 
 void describe(ParamIo& io, CsvYawRate& yaw_rate) {
@@ -77,7 +79,7 @@ void describe(ParamIo& io, CsvYawRate& yaw_rate) {
   io.optional("sign", yaw_rate.sign, within(-1.0, 1.0));
   io.optional("from_heading", yaw_rate.from_heading);
   io.optional("optional", yaw_rate.optional);
-  io.optional("delay_s", yaw_rate.delay_s);
+  io.optional("delay_s", yaw_rate.delay_s, kDelays);
   if (!io.writing() && yaw_rate.column.has_value() == yaw_rate.from_heading) {
     io.problem("", "needs either a column or from_heading: true");
   }

@@ -85,13 +85,18 @@ class CsvTable {
       text.insert(text.size() - digits, 1, '.');
       factor = 1.0;
     }
-    const auto stamp = parseSeconds(text);
+    double number = 0.0;
+    if (factor != 1.0 && parseNumber(cell, number)) {
+      constexpr double kMaxSeconds = 4.6e9;
+      if (std::abs(number * factor) < kMaxSeconds) return timestampFromSeconds(number * factor);
+    }
+    const auto stamp = factor == 1.0 ? parseStamp(text) : std::nullopt;
     if (!stamp) {
       throw InputError(
           lines_.where() + ": time column '" + time_.column + "' is " + quoted(cell) +
           ", not a time; correct the cell or remove the row");
     }
-    return factor == 1.0 ? *stamp : timestampFromSeconds(toSeconds(*stamp) * factor);
+    return *stamp;
   }
 
   LineReader lines_;

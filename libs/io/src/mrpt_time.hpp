@@ -10,10 +10,15 @@ namespace vestibule::io {
 /// mrpt::Clock counts 100 ns ticks from 1601-01-01; this many of them lie before 1970.
 constexpr std::int64_t kTicksBeforeUnix = 116444736LL * 1000000000LL;
 
-/// Zero for MRPT's "invalid" stamp.
+/// Zero for MRPT's "invalid" stamp and for ticks that cannot be a time (damaged files).
 [[nodiscard]] inline Timestamp fromMrpt(mrpt::Clock::time_point t) {
-  if (t == INVALID_TIMESTAMP) return {};
-  return {(static_cast<std::int64_t>(t.time_since_epoch().count()) - kTicksBeforeUnix) * 100};
+  constexpr std::int64_t kLimit_ticks = 46'000'000'000'000'000;
+  const std::int64_t ticks = t.time_since_epoch().count();
+  if (t == INVALID_TIMESTAMP || ticks < kTicksBeforeUnix - kLimit_ticks ||
+      ticks > kTicksBeforeUnix + kLimit_ticks) {
+    return {};
+  }
+  return {(ticks - kTicksBeforeUnix) * 100};
 }
 
 /// Rounded to 100 ns.

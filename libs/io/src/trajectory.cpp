@@ -35,7 +35,7 @@ Trajectory readTum(const std::string& path) {
           lines.where() + ": " + std::to_string(words.size()) +
           " columns; a TUM line is 't x y z qx qy qz qw'");
     }
-    const auto stamp = parseSeconds(words[0]);
+    const auto stamp = parseStamp(words[0]);
     if (!stamp) throw InputError(lines.where() + ": time " + quoted(words[0]) + " is not seconds");
     std::array<double, 7> v{};
     for (std::size_t i = 0; i < v.size(); ++i) {
