@@ -310,12 +310,12 @@ void drawMapArea(
   });
   const auto runs = runsByMode(track, view);
   canvas.blend(0.8, [&] {
-    for (const auto& part : runs) canvas.polyline(part.path, palette::kPaper, 6.5);
+    for (const auto& part : runs) canvas.polyline(part.path, palette::kPaper, 7.0);
   });
-  for (const auto& part : runs) canvas.polyline(part.path, colourOf(part.mode), 3.5);
+  for (const auto& part : runs) canvas.polyline(part.path, colourOf(part.mode), 4.2);
   std::vector<Px> truth;
   for (const auto& row : reference) truth.push_back(view(row.second));
-  canvas.dashedPolyline(spacedPath(truth, kInvisible_px), palette::kInk, 1.0, 7.0, 5.0);
+  canvas.dashedPolyline(spacedPath(truth, kInvisible_px), palette::kInk, 0.9, 6.0, 6.0);
 
   LabelPlacer labels(view.area());
   drawScaleBar(canvas, view, labels);

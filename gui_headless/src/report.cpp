@@ -32,6 +32,7 @@ nav a { color: var(--accent); background: #fff; border: 1px solid var(--line); b
 nav a:hover { border-color: var(--accent); }
 section { background: #fff; border: 1px solid var(--line); border-radius: 12px; padding: 24px 26px;
   margin: 0 0 22px; box-shadow: 0 1px 2px rgba(28, 39, 51, 0.04); }
+section > :last-child { margin-bottom: 0; }
 section p { margin: 0 0 12px; max-width: 78ch; color: #33414f; }
 .tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(142px, 1fr)); gap: 12px;
   margin: 4px 0 20px; }
@@ -101,6 +102,15 @@ std::string cell(std::string_view tag, std::string_view css_class, const std::st
   return "<" + name + with_class + ">" + html + "</" + name + ">";
 }
 
+/// "<= 0.16" as people write it.
+std::string barText(const Figure& figure) {
+  std::string text = figure.bar;
+  if (text.rfind("<=", 0) == 0) text.replace(0, 2, "\u2264");
+  if (text.rfind(">=", 0) == 0) text.replace(0, 2, "\u2265");
+  if (!text.empty() && !figure.unit.empty()) text += " " + figure.unit;
+  return text;
+}
+
 std::string figureTable(const std::vector<Figure>& figures) {
   bool has_bar = false;
   bool has_verdict = false;
@@ -119,10 +129,7 @@ std::string figureTable(const std::vector<Figure>& figures) {
   for (const Figure& f : figures) {
     out += "<tr>" + cell("td", "", escape(f.label)) +
            cell("td", "value", escape(f.value) + " <span>" + escape(f.unit) + "</span>");
-    if (has_bar) {
-      const bool repeat_unit = !f.bar.empty() && !f.unit.empty();
-      out += cell("td", "bar", escape(f.bar) + (repeat_unit ? " " + escape(f.unit) : ""));
-    }
+    if (has_bar) out += cell("td", "bar", escape(barText(f)));
     if (has_verdict) out += cell("td", "", chip(f.verdict));
     if (has_note) out += cell("td", "note", escape(f.note));
     out += "</tr>\n";
@@ -140,8 +147,7 @@ std::string tiles(const std::vector<Figure>& figures) {
                "div",
                "value",
                escape(f.value) + " <span class=\"unit\">" + escape(f.unit) + "</span>");
-    const std::string small =
-        f.note.empty() && !f.bar.empty() ? "bar: " + f.bar + " " + f.unit : f.note;
+    const std::string small = f.note.empty() && !f.bar.empty() ? "bar: " + barText(f) : f.note;
     if (!small.empty()) out += cell("div", "note", escape(small));
     out += "</div>\n";
   }

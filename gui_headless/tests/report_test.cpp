@@ -8,6 +8,12 @@
 namespace vestibule::gui_headless {
 namespace {
 
+OverviewStyle smallPicture() {
+  OverviewStyle style;
+  style.width_px = 400;
+  return style;
+}
+
 Report sampleReport() {
   SyntheticRun drive;
   RunRecorder run;
@@ -19,10 +25,8 @@ Report sampleReport() {
   report.summary = {
       {"position RMSE", "0.05", "m", "<= 0.30", Figure::Verdict::kGood, ""},
       {"step", "0.07", "m", "<= 0.05", Figure::Verdict::kBad, "at the <east> door"}};
-  OverviewStyle style;
-  style.width_px = 500;
-  report.sections.push_back(sectionFromRun(run, drive.scene(), "Mission <1>", style));
-  report.sections.push_back(sectionFromRun(RunRecorder{}, {}, "Nothing happened", style));
+  report.sections.push_back(sectionFromRun(run, drive.scene(), "Mission <1>", smallPicture()));
+  report.sections.push_back(sectionFromRun(RunRecorder{}, {}, "Nothing happened", smallPicture()));
   report.sections.back().text = "First <paragraph>.\n\nSecond.";
   return report;
 }
@@ -58,7 +62,7 @@ TEST(Section, OfADriveWithReferenceHasErrorsEventsAndDoors) {
   SyntheticRun drive;
   RunRecorder run;
   drive.drive(run);
-  const ReportSection section = sectionFromRun(run, drive.scene(), "drive");
+  const ReportSection section = sectionFromRun(run, drive.scene(), "drive", smallPicture());
   ASSERT_EQ(section.pictures.size(), 1u);
   // timeline, position, yaw, NIS
   ASSERT_EQ(section.charts.size(), 4u);
@@ -86,7 +90,7 @@ TEST(Section, ErrorIsTheDistanceToTheInterpolatedReference) {
     event.T.mean = Pose2(i + 0.5, 0.3, 2.0 * kRadPerDeg);
     run.onPose(event);
   }
-  const ReportSection section = sectionFromRun(run, scene, "offset");
+  const ReportSection section = sectionFromRun(run, scene, "offset", smallPicture());
   std::string position;
   std::string yaw;
   for (const Figure& tile : section.highlights) {
@@ -107,7 +111,7 @@ TEST(Section, RecordedTruthStandsInForAReference) {
     event.T.mean = Pose2(i, 0.0, 0.0);
     run.onPose(event);
   }
-  const ReportSection section = sectionFromRun(run, {}, "truth");
+  const ReportSection section = sectionFromRun(run, {}, "truth", smallPicture());
   ASSERT_GE(section.highlights.size(), 3u);
   EXPECT_EQ(section.highlights[2].label, "Position RMSE");
   EXPECT_EQ(section.highlights[2].value, "0.100");

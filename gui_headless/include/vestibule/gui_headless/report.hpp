@@ -15,7 +15,7 @@ struct Figure {
   std::string label;
   std::string value;
   std::string unit;
-  std::string bar;  ///< e.g. "<= 0.16"
+  std::string bar;  ///< e.g. "<= 0.16", without the unit
   Verdict verdict = Verdict::kNone;
   std::string note;
 };
