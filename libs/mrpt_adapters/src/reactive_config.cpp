@@ -28,7 +28,7 @@ score6_formula = ptg_priority
 scores_to_normalize =
 
 [CMultiObjMotionOpt_Scalarization]
-scalar_score_formula = ptg_priority_score * (0.3 * target_distance + 0.5 * free_distance + 8.0 * euclidean_nearness + 0.3 * hysteresis_score + 0.2 * path_index_near_target)
+scalar_score_formula = ptg_priority_score * (0.3 * target_distance + 2.0 * free_distance + 2.0 * euclidean_nearness + 0.5 * hysteresis_score + 0.2 * path_index_near_target)
 )";
 
 // Choice of a direction within one family of paths: [0] free distance, [1] nearness in sectors,
@@ -52,6 +52,14 @@ PHASE2_FACTORS = [4]
 PHASE2_THRESHOLD = 0.7
 PHASE3_FACTORS = [0 2]
 PHASE3_THRESHOLD = 0.7
+[CHolonomicND]
+WIDE_GAP_SIZE_PERCENT = 0.25
+MAX_SECTOR_DIST_FOR_D2_PERCENT = 0.25
+RISK_EVALUATION_SECTORS_PERCENT = 0.1
+RISK_EVALUATION_DISTANCE = 0.4
+TOO_CLOSE_OBSTACLE = 0.03
+TARGET_SLOW_APPROACHING_DISTANCE = 0.15
+factorWeights = 1.00 0.50 2.00 0.40
 )";
 
 void writePtg(std::ostringstream& out, int index, const char* type, const ReactiveParams& p) {
@@ -73,7 +81,7 @@ std::string reactiveConfig(const ReactiveParams& params, const std::string& cach
   out << "[CAbstractNavigator]\n"
       << "dist_to_target_for_sending_event = 0\n"
       // Ours comes first; MRPT's own is the second line of defence.
-      << "alarm_seems_not_approaching_target_timeout = " << 2.0 * params.blocked_after_s << "\n"
+      << "alarm_seems_not_approaching_target_timeout = " << 4.0 * params.blocked_after_s << "\n"
       << "dist_check_target_is_blocked = 1.0\n"
       << "hysteresis_check_target_is_blocked = 10\n"
       << "enable_time_profiler = false\n"
@@ -85,7 +93,7 @@ std::string reactiveConfig(const ReactiveParams& params, const std::string& cach
       << "[CAbstractPTGBasedReactive]\n"
       << "robotMax_V_mps = " << params.max_speed_mps << "\n"
       << "robotMax_W_degps = " << radToDeg(params.max_yaw_rate_radps) << "\n"
-      << "holonomic_method = CHolonomicFullEval\n"
+      << "holonomic_method = CHolonomicND\n"
       << "motion_decider_method = CMultiObjMotionOpt_Scalarization\n"
       << "ptg_cache_files_directory = " << cache_folder << "\n"
       << "ref_distance = " << params.reference_distance_m << "\n"

@@ -28,6 +28,9 @@ constexpr std::int64_t kClockStart_s = 1'000'000'000;
 /// A goal counts as nearer when it is by this much.
 constexpr double kProgress_m = 0.10;
 constexpr double kProgress_rad = 0.10;
+/// Moving this far also counts, for a while: the way around something leads away from the goal.
+constexpr double kDetour_m = 1.5;
+constexpr double kDetourFactor = 3.0;
 constexpr double kAnyYaw = std::numeric_limits<double>::infinity();
 /// Free room around the circle that the corners draw, for turning on the spot.
 constexpr double kTurnRoom_m = 0.10;
@@ -221,17 +224,23 @@ struct ReactiveDriver::Impl {
   void resetProgress(double now_s) {
     best_m = std::numeric_limits<double>::infinity();
     best_rad = std::numeric_limits<double>::infinity();
-    progress_s = now_s;
+    nearer_s = moved_s = now_s;
+    T_map_base_moved = robot.T_map_base;
   }
 
-  /// False when the goal has not come nearer for too long.
+  /// False when the robot is stuck, or drives about without getting nearer to the goal.
   bool progresses(double now_s, double distance_m, double yaw_error_rad) {
     if (distance_m < best_m - kProgress_m || yaw_error_rad < best_rad - kProgress_rad) {
       best_m = std::min(best_m, distance_m);
       best_rad = std::min(best_rad, yaw_error_rad);
-      progress_s = now_s;
+      nearer_s = moved_s = now_s;
+      T_map_base_moved = robot.T_map_base;
+    } else if (distance(T_map_base_moved, robot.T_map_base) > kDetour_m) {
+      moved_s = now_s;
+      T_map_base_moved = robot.T_map_base;
     }
-    return now_s - progress_s <= params.blocked_after_s;
+    return now_s - moved_s <= params.blocked_after_s &&
+           now_s - nearer_s <= kDetourFactor * params.blocked_after_s;
   }
 
   [[nodiscard]] bool roomToTurn(const std::vector<Point2>& obstacles) const {
@@ -277,7 +286,9 @@ struct ReactiveDriver::Impl {
   nav::Command last_command;
   double best_m = 0.0;
   double best_rad = 0.0;
-  double progress_s = 0.0;
+  double nearer_s = 0.0;
+  double moved_s = 0.0;
+  Pose2 T_map_base_moved;
   double creeping_since_s = 0.0;
 };
 

