@@ -24,11 +24,12 @@ void TrackAlignment::add(
     const Point2& p_odom_antenna,
     double sigma_m) {
   const Fix fix{stamp, p_map_antenna, {p_odom_antenna.x, p_odom_antenna.y}, sigma_m};
-  if (!fixes_.empty() && (fixes_.back().p_odom - fix.p_odom).norm() < kSpacing_m) {
+  if (!fixes_.empty() && (anchor_odom_ - fix.p_odom).norm() < kSpacing_m) {
     fixes_.back() = fix;
     return;
   }
   fixes_.push_back(fix);
+  anchor_odom_ = fix.p_odom;
   if (fixes_.size() > kMaxFixes) fixes_.pop_front();
 }
 

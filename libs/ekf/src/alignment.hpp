@@ -43,6 +43,7 @@ class TrackAlignment {
 
   FilterParams params_;
   std::deque<Fix> fixes_;
+  Eigen::Vector2d anchor_odom_ = Eigen::Vector2d::Zero();  ///< where the newest was begun
 };
 
 }  // namespace vestibule::ekf

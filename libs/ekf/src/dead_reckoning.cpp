@@ -6,14 +6,26 @@
 namespace vestibule::ekf {
 namespace {
 
-/// A signal that changes by c between two samples leaves the trapezoid between them wrong by about
-/// c * dt / sqrt(6), if it was sampled too slowly.
-constexpr double kTrapezoidVariance = 1.0 / 6.0;
+/// A robot's speed and turn rate change within about this time [s]. Sampled more rarely, a rate
+/// says little of what lay between its samples.
+constexpr double kMotionTime_s = 0.2;
 constexpr double kChangeMemory = 0.8;
 /// Turn of a robot whose wheels stand and whose gyro is quiet [rad/sqrt(s)].
 constexpr double kStandingTurn = 1e-4;
+/// Time over which the vertical is averaged [s]: long against manoeuvres, short against slopes.
+constexpr double kVerticalTime_s = 10.0;
+constexpr double kGravity = 9.81;
+/// A mean specific force further from gravity than this [m/s^2] is not a full accelerometer's.
+constexpr double kGravityTolerance = 2.0;
 
 double squared(double v) { return v * v; }
+
+/// Variance of the integral over `dt_s` of a rate of which only both ends are known; `change_sq` is
+/// the squared difference of the ends. Rare samples look like white noise: they differ by twice
+/// their variance, and the integral has that variance times dt^2. Frequent ones see it all.
+double samplingVariance(double change_sq, double dt_s) {
+  return 0.5 * change_sq * squared(dt_s * dt_s / (dt_s + kMotionTime_s));
+}
 
 }  // namespace
 
@@ -110,7 +122,7 @@ Motion DeadReckoning::process(const WheelOdometry& wheels) {
   speed_left_ = interval_s > 0.0 ? left / interval_s : 0.0;
   wheel_rate_ = interval_s > 0.0 ? turn / interval_s : 0.0;
   if (last_wheels_) {
-    u.forward_var = kTrapezoidVariance * squared((speed_forward_ - old_speed) * interval_s);
+    u.forward_var = samplingVariance(squared(speed_forward_ - old_speed), interval_s);
   }
   wheel_period_s_ = interval_s;
   last_wheels_ = wheels.stamp;
@@ -135,12 +147,23 @@ Motion DeadReckoning::process(const WheelOdometry& wheels) {
   return u;
 }
 
+double DeadReckoning::verticalRate(const Imu& imu, double interval_s) {
+  if (imu.accel_mps2.allFinite()) {
+    ++up_samples_;
+    const double share = std::max(1.0 / up_samples_, std::min(1.0, interval_s / kVerticalTime_s));
+    up_imu_ += share * (imu.accel_mps2 - up_imu_);
+  }
+  const double force = up_imu_.norm();
+  if (std::abs(force - kGravity) > kGravityTolerance) return imu.omega_radps.z();
+  return imu.omega_radps.dot(up_imu_) / force;
+}
+
 Motion DeadReckoning::process(const Imu& imu, double gyro_bias_radps) {
   start(imu.stamp);
-  const double rate = imu.omega_radps.z();
-  gyro_still_ = std::abs(rate - gyro_bias_radps) < params_.standstill_rate_radps;
   const bool continuous = gyroAlive(imu.stamp);
   const double interval_s = last_imu_ ? toSeconds(imu.stamp - *last_imu_) : 0.0;
+  const double rate = verticalRate(imu, interval_s);
+  gyro_still_ = std::abs(rate - gyro_bias_radps) < params_.standstill_rate_radps;
   const double previous_rate = gyro_rate_;
   gyro_rate_ = rate;
   last_imu_ = imu.stamp;
@@ -153,9 +176,10 @@ Motion DeadReckoning::process(const Imu& imu, double gyro_bias_radps) {
       kChangeMemory * gyro_change_sq_ + (1.0 - kChangeMemory) * squared(rate - previous_rate);
   Motion u = advance(imu.stamp);
   held_gyro_turn_ = 0.0;
-  if (!standstill()) {
+  if (u.turn_is_gyro) {
     u.turn_rad = 0.5 * (previous_rate + rate) * interval_s - held;
-    u.turn_var += kTrapezoidVariance * gyro_change_sq_ * squared(interval_s);
+    u.turn_var +=
+        samplingVariance(std::max(gyro_change_sq_, squared(rate - previous_rate)), interval_s);
   }
   return u;
 }

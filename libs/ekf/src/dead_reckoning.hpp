@@ -43,6 +43,8 @@ class DeadReckoning {
   [[nodiscard]] bool gyroAlive(Timestamp stamp) const;
   void start(Timestamp stamp);
   void addNoise(Motion& u) const;
+  /// Rate about the vertical, however the sensor is mounted.
+  [[nodiscard]] double verticalRate(const Imu& imu, double interval_s);
 
   FilterParams params_;
   bool started_ = false;
@@ -64,6 +66,8 @@ class DeadReckoning {
   double gyro_change_sq_ = 0.0;  ///< running mean square of the change between samples
   double held_gyro_turn_ = 0.0;  ///< since the last gyro message
   bool gyro_still_ = true;
+  Eigen::Vector3d up_imu_ = Eigen::Vector3d::Zero();  ///< running mean specific force [m/s^2]
+  int up_samples_ = 0;
 };
 
 }  // namespace vestibule::ekf

@@ -23,8 +23,8 @@ Gate::Gate(const FilterParams& params) {
   }
 }
 
-Tracker::Tracker(const FilterParams& params)
-    : params_(params), gate_(params), engine_(makeMrptEngine()) {}
+Tracker::Tracker(const FilterParams& params, Pose mode)
+    : params_(params), mode_(mode), gate_(params), engine_(makeMrptEngine()) {}
 
 void Tracker::start(
     const PoseWithCovariance& T,
@@ -66,14 +66,33 @@ UpdateReport Tracker::offer(Observation z, double inflation) {
     inflation *= report.nis / soft;
   }
   z.R *= inflation;
-  engine_->update(z);
+  update(z);
   return report;
+}
+
+void Tracker::update(const Observation& z) {
+  const State before = engine_->state();
+  engine_->update(z);
+  if (mode_ == Pose::kCorrected) return;
+  State x = engine_->state();
+  x.head<2>() = before.head<2>();
+  // Learning the bias would turn the robot by all that the wrong bias turned it so far.
+  if (z.H(0, kYaw) == 0.0) x[kYaw] = before[kYaw];
+  engine_->set(x, engine_->covariance());
 }
 
 UpdateReport Tracker::offerHeading(const Heading& heading) {
   const double sigma = std::max(heading.sigma_rad.value_or(0.0), params_.heading.sigma_rad);
   if (!heading_known_) {
-    forgetHeadingOffset(heading.yaw_rad);
+    const double difference = angleDiff(heading.yaw_rad, state()[kYaw]);
+    const double usual = std::hypot(
+        params_.heading.offset_sigma_rad,
+        std::hypot(params_.heading.disturbance_sigma_rad, std::sqrt(covariance()(kYaw, kYaw))));
+    if (mode_ == Pose::kCorrected && std::abs(difference) < 2.0 * usual) {
+      learnHeadingOffset(0.0, params_.heading.offset_sigma_rad);
+    } else {
+      learnHeadingOffset(difference, kUnknownAngle);
+    }
     heading_known_ = true;
     UpdateReport report = offer(PlanarModel::heading(state(), heading.yaw_rad, sigma));
     report.reason = "initialised";
@@ -87,7 +106,7 @@ UpdateReport Tracker::offerHeading(const Heading& heading) {
   if (!heading_rejected_since_) heading_rejected_since_ = heading.stamp;
   if (toSeconds(heading.stamp - *heading_rejected_since_) > params_.heading.relearn_after_s) {
     // The sensor keeps saying so: whatever turned it, it can be used again from here on.
-    forgetHeadingOffset(heading.yaw_rad);
+    learnHeadingOffset(angleDiff(heading.yaw_rad, state()[kYaw]), kUnknownAngle);
     heading_rejected_since_.reset();
     (void)offer(PlanarModel::heading(state(), heading.yaw_rad, sigma));
     report.reason = "relearn";
@@ -95,16 +114,16 @@ UpdateReport Tracker::offerHeading(const Heading& heading) {
   return report;
 }
 
-void Tracker::forgetHeadingOffset(double z_rad) {
+void Tracker::learnHeadingOffset(double mean_rad, double sigma_rad) {
   State x = engine_->state();
   StateMatrix P = engine_->covariance();
   x[kDisturbance] = 0.0;
-  x[kHeadingOffset] = angleDiff(z_rad, x[kYaw]);
+  x[kHeadingOffset] = mean_rad;
   for (const int i : {static_cast<int>(kHeadingOffset), static_cast<int>(kDisturbance)}) {
     P.row(i).setZero();
     P.col(i).setZero();
   }
-  P(kHeadingOffset, kHeadingOffset) = kUnknownAngle * kUnknownAngle;
+  P(kHeadingOffset, kHeadingOffset) = sigma_rad * sigma_rad;
   P(kDisturbance, kDisturbance) =
       params_.heading.disturbance_sigma_rad * params_.heading.disturbance_sigma_rad;
   engine_->set(x, P);
@@ -141,7 +160,8 @@ Pose2 carriedOn(const DeadReckoning& reckoning, const State& state, Timestamp st
   return {x[kX], x[kY], x[kYaw]};
 }
 
-OdometryFilter::Core::Core(const FilterParams& p) : params(p), reckoning(p), tracker(p) {
+OdometryFilter::Core::Core(const FilterParams& p)
+    : params(p), reckoning(p), tracker(p, Tracker::Pose::kContinuous) {
   tracker.start(
       {},
       {0.0, p.gyro.bias_sigma_radps * p.gyro.bias_sigma_radps},
@@ -164,7 +184,7 @@ std::optional<Motion> OdometryFilter::Core::process(const WheelOdometry& wheels)
 
 std::optional<Motion> OdometryFilter::Core::process(const Imu& imu) {
   zero_rate_interval_s_.reset();
-  if (!std::isfinite(imu.omega_radps.z())) {
+  if (!imu.omega_radps.allFinite()) {
     ++dropped.not_finite;
     return std::nullopt;
   }
@@ -177,7 +197,7 @@ std::optional<Motion> OdometryFilter::Core::process(const Imu& imu) {
   if (reckoning.standstill() && last_imu_) {
     const double interval_s = toSeconds(imu.stamp - *last_imu_);
     zero_rate_interval_s_ = interval_s;
-    tracker.zeroRate(imu.omega_radps.z(), interval_s);
+    tracker.zeroRate(reckoning.rate(), interval_s);
   }
   last_imu_ = imu.stamp;
   return u;

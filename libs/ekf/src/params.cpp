@@ -24,6 +24,7 @@ void describe(ParamIo& io, GyroParams& p) {
 void describe(ParamIo& io, HeadingParams& p) {
   io.optionalDegrees("sigma_deg", p.sigma_rad, positive());
   io.optionalDegrees("offset_walk_deg_sqrt_s", p.offset_walk_rad_sqrt_s, nonNegative());
+  io.optionalDegrees("offset_sigma_deg", p.offset_sigma_rad, positive());
   io.optionalDegrees("disturbance_sigma_deg", p.disturbance_sigma_rad, nonNegative());
   io.optional("disturbance_time_s", p.disturbance_time_s, positive());
   io.optional("relearn_after_s", p.relearn_after_s, positive());
@@ -45,6 +46,7 @@ void describe(ParamIo& io, RecoveryParams& p) {
   io.optional("min_fixes", p.min_fixes, within(2, 1000));
   io.optional("min_span_s", p.min_span_s, positive());
   io.optional("min_travel_m", p.min_travel_m, positive());
+  io.optional("realign_after_s", p.realign_after_s, positive());
 }
 
 void describe(ParamIo& io, InitParams& p) {
@@ -52,7 +54,6 @@ void describe(ParamIo& io, InitParams& p) {
   io.optional("min_travel_m", p.min_travel_m, positive());
   io.optional("min_fixes", p.min_fixes, within(2, 1000));
   io.optional("trust_heading", p.trust_heading);
-  io.optionalDegrees("trusted_heading_sigma_deg", p.trusted_heading_sigma_rad, positive());
 }
 
 void describe(ParamIo& io, FilterParams& p) {

@@ -32,8 +32,9 @@ struct PlanarFilter::Impl {
         observers(o),
         odometry(p),
         core(*odometry.core_),
-        tracker(p),
+        tracker(p, Tracker::Pose::kCorrected),
         alignment(p),
+        realignment(p),
         screen(p, r.p_base_antenna) {}
 
   UpdateReport tell(Timestamp stamp, const char* sensor, UpdateReport report) const {
@@ -65,6 +66,16 @@ struct PlanarFilter::Impl {
       Timestamp stamp, const Eigen::Vector2d& p_map_antenna, const GnssScreen::Worth& worth);
   UpdateReport fuse(
       Timestamp stamp, const Eigen::Vector2d& p_map_antenna, const GnssScreen::Worth& worth);
+  /// Tries to find the pose again from fixes that were all refused.
+  bool recover(
+      Timestamp stamp, const Eigen::Vector2d& p_map_antenna, const GnssScreen::Worth& worth);
+  /// Starts from the odometry track aligned to the fixes.
+  void begin(const TrackAlignment::Result& found);
+  void trustGnss(Timestamp stamp) {
+    screen.accepted(stamp);
+    realignment = TrackAlignment(params);
+    refused_since.reset();
+  }
 
   FilterParams params;
   SensorRig rig;
@@ -72,12 +83,22 @@ struct PlanarFilter::Impl {
   OdometryFilter odometry;
   OdometryFilter::Core& core;
   Tracker tracker;
-  TrackAlignment alignment;
+  TrackAlignment alignment;    ///< from the start until ready
+  TrackAlignment realignment;  ///< of fixes refused in a row
+  std::optional<Timestamp> refused_since;
   GnssScreen screen;
   bool ready = false;
   std::optional<Heading> heading;
   std::optional<PoseWithCovariance> initial_alignment;
 };
+
+void PlanarFilter::Impl::begin(const TrackAlignment::Result& found) {
+  PoseWithCovariance T;
+  T.mean = compose(found.T_map_odom, core.tracker.pose().mean);
+  const double position_var = found.position_sigma_m * found.position_sigma_m;
+  T.cov.diagonal() << position_var, position_var, found.yaw_sigma_rad * found.yaw_sigma_rad;
+  begin(T);
+}
 
 UpdateReport PlanarFilter::Impl::initialise(
     Timestamp stamp, const Eigen::Vector2d& p_map_antenna, const GnssScreen::Worth& worth) {
@@ -90,18 +111,13 @@ UpdateReport PlanarFilter::Impl::initialise(
     PoseWithCovariance T;
     T.mean = Pose2(p_map_antenna.x() - lever.x, p_map_antenna.y() - lever.y, heading->yaw_rad);
     T.cov.topLeftCorner<2, 2>() = worth.R;
-    T.cov(2, 2) = sigma * sigma +
-                  params.init.trusted_heading_sigma_rad * params.init.trusted_heading_sigma_rad;
+    T.cov(2, 2) = sigma * sigma + params.heading.offset_sigma_rad * params.heading.offset_sigma_rad;
     begin(T);
   } else {
     alignment.add(stamp, p_map_antenna, transform(T_odom_base, rig.p_base_antenna), worth.sigma_m);
     const auto found = alignment.solve();
     if (!found) return report;
-    PoseWithCovariance T;
-    T.mean = compose(found->T_map_odom, T_odom_base);
-    const double position_var = found->position_sigma_m * found->position_sigma_m;
-    T.cov.diagonal() << position_var, position_var, found->yaw_sigma_rad * found->yaw_sigma_rad;
-    begin(T);
+    begin(*found);
   }
   screen.accepted(stamp);
   report.decision = Decision::kAccepted;
@@ -115,18 +131,34 @@ UpdateReport PlanarFilter::Impl::fuse(
       PlanarModel::gnss(tracker.state(), p_map_antenna, rig.p_base_antenna, worth.R);
   UpdateReport report = tracker.offer(z, worth.inflation);
   if (report.decision != Decision::kGated) {
-    screen.accepted(stamp);
-    return report;
-  }
-  const auto cluster = screen.refused(
-      stamp, p_map_antenna, worth.sigma_m, core.tracker.pose().mean, tracker.state()[kYaw]);
-  if (cluster) {
-    tracker.resetPosition(cluster->p_map_base, cluster->cov);
-    screen.accepted(stamp);
+    trustGnss(stamp);
+  } else if (recover(stamp, p_map_antenna, worth)) {
+    trustGnss(stamp);
     report.decision = Decision::kAccepted;
     report.reason = "reset";
   }
   return report;
+}
+
+bool PlanarFilter::Impl::recover(
+    Timestamp stamp, const Eigen::Vector2d& p_map_antenna, const GnssScreen::Worth& worth) {
+  const Pose2 T_odom_base = core.tracker.pose().mean;
+  const auto cluster =
+      screen.refused(stamp, p_map_antenna, worth.sigma_m, T_odom_base, tracker.state()[kYaw]);
+  if (cluster) {
+    tracker.resetPosition(cluster->p_map_base, cluster->cov);
+    return true;
+  }
+  if (!refused_since) refused_since = stamp;
+  realignment.add(stamp, p_map_antenna, transform(T_odom_base, rig.p_base_antenna), worth.sigma_m);
+  if (toSeconds(stamp - *refused_since) < params.recovery.realign_after_s ||
+      realignment.extent() < params.recovery.min_travel_m) {
+    return false;
+  }
+  const auto found = realignment.solve();
+  if (!found) return false;
+  begin(*found);
+  return true;
 }
 
 PlanarFilter::PlanarFilter(
@@ -141,7 +173,8 @@ void PlanarFilter::process(const WheelOdometry& wheels) {
 void PlanarFilter::process(const Imu& imu) {
   impl_->take(impl_->core.process(imu));
   const auto interval_s = impl_->core.zeroRateInterval();
-  if (impl_->ready && interval_s) impl_->tracker.zeroRate(imu.omega_radps.z(), *interval_s);
+  if (impl_->ready && interval_s)
+    impl_->tracker.zeroRate(impl_->core.reckoning.rate(), *interval_s);
 }
 
 UpdateReport PlanarFilter::process(const Heading& heading) {

@@ -23,7 +23,11 @@ class Gate {
 /// One engine with what both filters do to it: steps, gated updates, the heading sensor's offset.
 class Tracker {
  public:
-  explicit Tracker(const FilterParams& params);
+  enum class Pose {
+    kCorrected,  ///< every update moves the pose as the Kalman equations say
+    kContinuous  ///< position follows the motion alone: an update may turn it, never shift it
+  };
+  Tracker(const FilterParams& params, Pose mode);
 
   /// Starts from a pose; wheel scale and gyro bias as given, heading offset unknown.
   void start(
@@ -45,9 +49,11 @@ class Tracker {
   [[nodiscard]] Eigen::Vector2d marginal(int index) const;
 
  private:
-  void forgetHeadingOffset(double z_rad);
+  void learnHeadingOffset(double mean_rad, double sigma_rad);
+  void update(const Observation& z);
 
   FilterParams params_;
+  Pose mode_;
   Gate gate_;
   std::unique_ptr<Engine> engine_;
   bool heading_known_ = false;

@@ -29,11 +29,14 @@ struct GyroParams {
 /// its changes and, weakly, its value count.
 struct HeadingParams {
   double sigma_rad = degToRad(1.0);  ///< [rad] white noise, floor of the reported one
-  /// [rad/sqrt(s)] drift of mounting + declination. Its value is learnt, not trusted.
+  /// [rad/sqrt(s)] drift of mounting + declination
   double offset_walk_rad_sqrt_s = degToRad(0.05);
-  double disturbance_sigma_rad = degToRad(8.0);  ///< [rad] passing deviation (steel, tilt)
-  double disturbance_time_s = 20.0;              ///< [s] how long such a deviation lasts
-  double relearn_after_s = 5.0;                  ///< [s] rejected so long: offset learnt anew
+  /// [rad] of mounting + declination, if the first readings agree with the track (within two
+  /// sigma); a sensor that does not agree has an unknown offset.
+  double offset_sigma_rad = degToRad(10.0);
+  double disturbance_sigma_rad = degToRad(15.0);  ///< [rad] passing deviation (steel, tilt)
+  double disturbance_time_s = 30.0;               ///< [s] how long such a deviation lasts
+  double relearn_after_s = 1.5;                   ///< [s] rejected so long: offset learnt anew
 };
 
 /// Floors of the standard deviation per axis by fix type, and how fixes are believed.
@@ -41,9 +44,9 @@ struct GnssParams {
   double sigma_rtk_fixed_m = 0.03;
   double sigma_rtk_float_m = 0.4;
   double sigma_differential_m = 1.0;
-  double sigma_single_m = 3.0;  ///< also for receivers that do not say what they have
+  double sigma_single_m = 4.0;  ///< also for receivers that do not say what they have
   double uere_m = 2.5;          ///< [m] sigma = hdop * uere
-  double correlation_s = 30.0;  ///< [s] errors within it are one and the same; code fixes
+  double correlation_s = 60.0;  ///< [s] errors within it are one and the same; code fixes
   double rtk_correlation_s = 2.0;
   double gap_s = 3.0;         ///< [s] after a longer silence fixes are doubted (x3) for 5 s
   double max_sigma_m = 50.0;  ///< [m] a fix that says it is worse is rejected
@@ -51,9 +54,12 @@ struct GnssParams {
 
 /// Re-acquisition after rejections: a cluster of fixes that moves as the odometry does.
 struct RecoveryParams {
-  int min_fixes = 8;
-  double min_span_s = 8.0;
-  double min_travel_m = 10.0;
+  int min_fixes = 20;
+  double min_span_s = 40.0;
+  double min_travel_m = 25.0;
+  /// [s] nothing accepted for so long: the heading is doubted as well, and the odometry track since
+  /// then is aligned anew with the fixes, as at the start.
+  double realign_after_s = 90.0;
 };
 
 /// When position and heading are known well enough to start.
@@ -64,7 +70,6 @@ struct InitParams {
   /// Start from the heading sensor at the first good fix, without driving. For sensors known to be
   /// mounted and calibrated well.
   bool trust_heading = false;
-  double trusted_heading_sigma_rad = degToRad(5.0);  ///< its offset then
 };
 
 struct FilterParams {

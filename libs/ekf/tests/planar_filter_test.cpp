@@ -1,0 +1,365 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <limits>
+
+#include "vestibule/core/angles.hpp"
+#include "vestibule/core/random.hpp"
+#include "vestibule/ekf/filter.hpp"
+#include "vestibule/metrics/statistics.hpp"
+
+namespace vestibule::ekf {
+namespace {
+
+using std::chrono::milliseconds;
+
+/// A robot on an eight of two 5 m circles at 1 m/s: gyro 50 Hz, wheels 10 Hz, GNSS 2 Hz.
+/// The wheels over-count by 5 %, the gyro has a bias, GNSS errors last for a minute.
+class Drive {
+ public:
+  explicit Drive(std::uint64_t seed, const Observers* observers = nullptr)
+      : filter(FilterParams(), rigOf(), observers), random_(seed, "drive") {
+    truth = Pose2(random_.uniform(-50, 50), random_.uniform(-50, 50), random_.uniform(-3, 3));
+    gnss_error_ = {random_.normal(), random_.normal()};
+  }
+
+  static SensorRig rigOf() {
+    SensorRig rig;
+    rig.p_base_antenna = {1.0, 0.3};
+    return rig;
+  }
+
+  void run(double seconds) {
+    const int end = tick_ + static_cast<int>(std::lround(seconds * 50));
+    while (tick_ < end) tick();
+  }
+
+  [[nodiscard]] double error() const { return distance(filter.pose().mean, truth); }
+  [[nodiscard]] double nees() const {
+    return metrics::nees(filter.pose(), truth).value_or(std::numeric_limits<double>::infinity());
+  }
+  [[nodiscard]] Timestamp now() const { return Timestamp{0} + milliseconds(20) * tick_; }
+  [[nodiscard]] Eigen::Vector2d antenna() const {
+    const Point2 p = transform(truth, rigOf().p_base_antenna);
+    return {p.x, p.y};
+  }
+
+  PlanarFilter filter;
+  Pose2 truth;
+  double speed = 1.0;
+  bool gnss = true;
+  bool gyro = true;
+  bool rtk = false;
+  std::optional<double> heading_offset;  ///< there is a heading sensor, this much off [rad]
+  Eigen::Vector2d gnss_shift = Eigen::Vector2d::Zero();
+  double largest_jump_m = 0.0;  ///< of the estimate between consecutive wheel messages
+
+ private:
+  void tick() {
+    ++tick_;
+    const double dt = 0.02;
+    const bool first_circle = std::fmod(tick_ * dt, 4 * kPi / 0.2) < 2 * kPi / 0.2;
+    const double rate = speed == 0.0 ? 0.0 : (first_circle ? 0.2 : -0.2);
+    const Pose2 step = expSe2({speed * dt, 0.0, rate * dt});
+    truth = compose(truth, step);
+    since_wheels_ = compose(since_wheels_, step);
+    if (gyro) {
+      Imu imu;
+      imu.stamp = now();
+      imu.omega_radps.z() = rate + 0.01 + random_.normal(0.0, 0.002 / std::sqrt(dt));
+      imu.accel_mps2.z() = 9.81;
+      filter.process(imu);
+    }
+    if (heading_offset && tick_ % 5 == 0) {
+      (void)filter.process(
+          Heading{now(), wrapToPi(truth.phi + *heading_offset + random_.normal(0.0, 0.02)), {}});
+    }
+    if (tick_ % 5 == 0) {
+      const double noise = speed == 0.0 ? 0.0 : random_.normal(0.0, 0.01);
+      WheelOdometry wheels{now(), 0.1, since_wheels_};
+      wheels.T_previous_now.x = 1.05 * since_wheels_.x + noise;
+      wheels.T_previous_now.y = 1.05 * since_wheels_.y;
+      filter.process(wheels);
+      since_wheels_ = {};
+      if (filter.ready()) {
+        if (previous_) {
+          largest_jump_m = std::max(largest_jump_m, distance(*previous_, filter.pose().mean));
+        }
+        previous_ = filter.pose().mean;
+      }
+    }
+    if (tick_ % 25 == 0) {
+      const double keep = std::exp(-0.5 / 60.0);
+      gnss_error_ = keep * gnss_error_ + std::sqrt(1 - keep * keep) *
+                                             Eigen::Vector2d(random_.normal(), random_.normal());
+      if (!gnss) return;
+      const Eigen::Vector2d white(random_.normal(0.0, 0.02), random_.normal(0.0, 0.02));
+      const Eigen::Vector2d z = antenna() + gnss_shift + white;
+      (void)filter.processGnss(
+          now(),
+          rtk ? z : Eigen::Vector2d(z + gnss_error_),
+          std::nullopt,
+          rtk ? GnssFixType::kRtkFixed : GnssFixType::kDifferential);
+    }
+  }
+
+  RandomStream random_;
+  int tick_ = 0;
+  Pose2 since_wheels_;
+  Eigen::Vector2d gnss_error_;
+  std::optional<Pose2> previous_;
+};
+
+TEST(PlanarFilter, ErrorAndNeesStayWithinBoundsOnAnEight) {
+  // 12 seeds, one sample per 20 s over 10 min each. Errors of a minute's memory and 1.4 m rms
+  // cannot be averaged away within that time: 3 m is twice their size. A mean NEES of 3 is perfect.
+  double nees_sum = 0.0;
+  double square_sum = 0.0;
+  int n = 0;
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    Drive drive(seed);
+    drive.run(60);
+    ASSERT_TRUE(drive.filter.ready()) << "seed " << seed << ": " << drive.filter.waitingFor();
+    for (int k = 0; k < 30; ++k) {
+      drive.run(20);
+      EXPECT_LT(drive.error(), 3.5) << "seed " << seed << " at " << 80 + 20 * k << " s";
+      nees_sum += drive.nees();
+      square_sum += drive.error() * drive.error();
+      ++n;
+    }
+    EXPECT_NEAR(drive.filter.wheelScale().first, -std::log(1.05), 0.04) << "seed " << seed;
+    EXPECT_LT(drive.largest_jump_m, 0.3) << "seed " << seed;
+  }
+  RecordProperty("rmse_m", std::to_string(std::sqrt(square_sum / n)));
+  RecordProperty("mean_nees", std::to_string(nees_sum / n));
+  EXPECT_LT(std::sqrt(square_sum / n), 1.3);
+  EXPECT_GT(nees_sum / n, 0.6);
+  EXPECT_LT(nees_sum / n, 6.0);
+}
+
+TEST(PlanarFilter, RtkWithALeverArmIsWithinCentimetres) {
+  Drive drive(21);
+  drive.rtk = true;
+  drive.run(120);
+  ASSERT_TRUE(drive.filter.ready());
+  double worst = 0.0;
+  for (int k = 0; k < 60; ++k) {
+    drive.run(1.3);
+    worst = std::max(worst, drive.error());
+  }
+  EXPECT_LT(worst, 0.15);
+  EXPECT_LT(std::abs(angleDiff(drive.filter.pose().mean.phi, drive.truth.phi)), degToRad(2.0));
+}
+
+TEST(PlanarFilter, CovarianceCoversTheDriftOfAnOutage) {
+  for (std::uint64_t seed = 31; seed <= 36; ++seed) {
+    Drive drive(seed);
+    drive.rtk = true;
+    drive.run(200);
+    drive.gnss = false;
+    drive.run(60);
+    EXPECT_LT(drive.error(), 1.2) << "seed " << seed << ": 2 % of 60 m";
+    EXPECT_LT(drive.nees(), metrics::chiSquareQuantile(0.999, 3)) << "seed " << seed;
+    drive.gnss = true;
+    drive.run(20);
+    EXPECT_LT(drive.error(), 0.3) << "seed " << seed;
+  }
+}
+
+TEST(PlanarFilter, OneFarFixMovesNothing) {
+  Drive drive(41);
+  drive.run(100);
+  const Pose2 before = drive.filter.pose().mean;
+  const UpdateReport report = drive.filter.processGnss(
+      drive.now(), drive.antenna() + Eigen::Vector2d(500, 500), {}, GnssFixType::kRtkFixed);
+  EXPECT_EQ(report.decision, Decision::kGated);
+  EXPECT_GT(report.nis, report.gate);
+  EXPECT_EQ(report.dof, 2);
+  EXPECT_LT(distance(before, drive.filter.pose().mean), 1e-9);
+}
+
+TEST(PlanarFilter, AHalfMinuteOfConsistentFarFixesMovesNothing) {
+  Drive drive(42);
+  drive.run(100);
+  drive.gnss_shift = {500, 500};
+  drive.run(30);
+  EXPECT_LT(drive.error(), 4.0);
+  drive.gnss_shift.setZero();
+  drive.run(30);
+  EXPECT_LT(drive.error(), 4.0);
+}
+
+TEST(PlanarFilter, FollowsGnssThatInsistsWhileDrivingAlong) {
+  // The robot was carried: every fix afterwards agrees with the odometry, on another place. On
+  // the 20 m of an eight the cluster never travels far enough, so this one drives straight.
+  Drive drive(43);
+  FilterParams params;
+  PlanarFilter filter(params, Drive::rigOf());
+  bool reset = false;
+  double last_error = 0.0;
+  for (int i = 1; i <= 200 * 10; ++i) {
+    const Timestamp t = Timestamp{0} + milliseconds(100) * i;
+    filter.process(WheelOdometry{t, 0.1, Pose2(0.1, 0, 0)});
+    if (i % 10 != 0) continue;
+    const double shift = i > 1000 ? 300.0 : 0.0;
+    const Eigen::Vector2d p(0.1 * i + 1.0, 0.3 + shift);
+    reset |= filter.processGnss(t, p, {}, GnssFixType::kSingle).reason == "reset";
+    if (filter.ready()) last_error = distance(filter.pose().mean, Pose2(0.1 * i, shift, 0));
+  }
+  EXPECT_TRUE(reset);
+  EXPECT_LT(last_error, 3.0);
+}
+
+TEST(PlanarFilter, StartsLateWithoutHeadingAndPlacesTheTrackFromBefore) {
+  Drive drive(51);
+  drive.speed = 0.0;
+  const Pose2 start = drive.truth;
+  drive.run(30);
+  EXPECT_FALSE(drive.filter.ready());
+  EXPECT_THAT(drive.filter.waitingFor(), testing::HasSubstr("heading"));
+  drive.speed = 1.0;
+  drive.run(60);
+  ASSERT_TRUE(drive.filter.ready());
+  EXPECT_EQ(drive.filter.waitingFor(), "");
+  ASSERT_TRUE(drive.filter.initialAlignment());
+  // The odometry started at the origin, where the robot stood.
+  EXPECT_LT(distance(drive.filter.initialAlignment()->mean, start), 4.0);
+}
+
+TEST(PlanarFilter, AHeadingSensorThatIsFarOffCannotWreckIt) {
+  for (const double offset_deg : {0.0, 8.0, 120.0, -90.0}) {
+    Drive drive(61);
+    drive.heading_offset = degToRad(offset_deg);
+    drive.run(200);
+    ASSERT_TRUE(drive.filter.ready()) << offset_deg;
+    EXPECT_LT(drive.error(), 4.0) << "offset " << offset_deg << " deg";
+    EXPECT_LT(std::abs(angleDiff(drive.filter.pose().mean.phi, drive.truth.phi)), degToRad(12.0))
+        << "offset " << offset_deg << " deg";
+  }
+}
+
+TEST(PlanarFilter, DrivesOnTheWheelsWhenThereIsNoGyro) {
+  Drive drive(71);
+  drive.gyro = false;
+  drive.run(200);
+  ASSERT_TRUE(drive.filter.ready());
+  EXPECT_LT(drive.error(), 4.0);
+}
+
+TEST(PlanarFilter, ResetMakesItReadyAndMapPosesKeepItThere) {
+  Drive drive(81);
+  drive.gnss = false;
+  drive.run(5);
+  PoseWithCovariance T{drive.truth, Eigen::Matrix3d::Identity() * 0.01};
+  drive.filter.reset(drive.now(), T);
+  ASSERT_TRUE(drive.filter.ready());
+  for (int i = 0; i < 100; ++i) {
+    drive.run(0.5);
+    T.mean = drive.truth;
+    EXPECT_NE(drive.filter.processExternalPose(drive.now(), T).decision, Decision::kGated);
+  }
+  EXPECT_LT(drive.error(), 0.2);
+  T.mean.x += 30.0;
+  EXPECT_EQ(drive.filter.processExternalPose(drive.now(), T).decision, Decision::kGated);
+}
+
+TEST(PlanarFilter, RefusesWhatIsNotFiniteOrTooLate) {
+  Drive drive(91);
+  drive.run(60);
+  const Pose2 before = drive.filter.pose().mean;
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  drive.filter.process(WheelOdometry{drive.now(), 0.1, Pose2(nan, 0, 0)});
+  drive.filter.process(WheelOdometry{drive.now(), -1.0, Pose2(1, 0, 0)});
+  Imu imu;
+  imu.stamp = drive.now();
+  imu.omega_radps.z() = nan;
+  drive.filter.process(imu);
+  EXPECT_EQ(drive.filter.process(Heading{drive.now(), nan, {}}).decision, Decision::kRejected);
+  const UpdateReport report =
+      drive.filter.processGnss(drive.now(), {nan, 0}, {}, GnssFixType::kSingle);
+  EXPECT_EQ(report.decision, Decision::kRejected);
+  EXPECT_EQ(report.reason, "not finite");
+  EXPECT_EQ(drive.filter.dropped().not_finite, 5u);
+  drive.filter.process(WheelOdometry{drive.now() - milliseconds(500), 0.1, Pose2(1, 0, 0)});
+  EXPECT_EQ(
+      drive.filter.processGnss(drive.now() - milliseconds(900), {0, 0}, {}, GnssFixType::kSingle)
+          .reason,
+      "stale");
+  EXPECT_EQ(drive.filter.dropped().stale, 2u);
+  EXPECT_EQ(drive.filter.processGnss(drive.now(), {0, 0}, {}, GnssFixType::kNone).reason, "no fix");
+  EXPECT_LT(distance(before, drive.filter.pose().mean), 1e-9);
+}
+
+TEST(PlanarFilter, CovarianceStaysPositiveWhateverComes) {
+  Drive drive(101);
+  Eigen::Matrix2d zero = Eigen::Matrix2d::Zero();
+  for (int i = 0; i < 100; ++i) {
+    drive.run(1);
+    (void)drive.filter.processGnss(drive.now(), drive.antenna(), zero, GnssFixType::kSingle);
+    (void)drive.filter.processGnss(
+        drive.now(),
+        drive.antenna(),
+        Eigen::Matrix2d(-Eigen::Matrix2d::Identity()),
+        GnssFixType::kRtkFixed);
+    if (!drive.filter.ready()) continue;
+    const Eigen::Matrix3d P = drive.filter.pose().cov;
+    ASSERT_EQ((P - P.transpose()).norm(), 0.0);
+    ASSERT_GT(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(P).eigenvalues().minCoeff(), 0.0);
+  }
+  EXPECT_TRUE(drive.filter.ready());
+}
+
+TEST(PlanarFilter, GivesTheSameWithAndWithoutObservers) {
+  struct Counter : Observer {
+    int updates = 0;
+    void onUpdate(const UpdateEvent& /*event*/) override { ++updates; }
+  } counter;
+  Observers observers;
+  observers.attach(counter);
+  Drive watched(111, &observers);
+  Drive alone(111);
+  watched.run(100);
+  alone.run(100);
+  EXPECT_EQ(counter.updates, 200);
+  EXPECT_EQ(watched.filter.pose().mean, alone.filter.pose().mean);
+}
+
+TEST(OdometryFilter, LearnsTheGyroBiasStandingAndNeverJumps) {
+  OdometryFilter odometry{FilterParams()};
+  RandomStream random(5, "odometry");
+  Pose2 truth;
+  Pose2 previous;
+  for (int i = 1; i <= 60 * 50; ++i) {
+    const double t = 0.02 * i;
+    const bool moving = t < 20.0 || t > 40.0;
+    const double rate = moving ? 0.3 * std::sin(0.5 * t) : 0.0;
+    const Pose2 step = expSe2({moving ? 0.02 : 0.0, 0.0, rate * 0.02});
+    truth = compose(truth, step);
+    const Timestamp now = Timestamp{0} + milliseconds(20) * i;
+    Imu imu;
+    imu.stamp = now;
+    imu.omega_radps.z() = -(rate + 0.02 + random.normal(0.0, 0.01));
+    imu.accel_mps2.z() = -9.81;  // mounted upside down
+    odometry.process(imu);
+    odometry.process(WheelOdometry{now, 0.02, step});
+    EXPECT_LT(distance(previous, odometry.pose().mean), 0.021) << "at " << t;
+    previous = odometry.pose().mean;
+    if (t > 39.9 && t < 39.95) {
+      EXPECT_TRUE(odometry.standstill());
+      EXPECT_NEAR(odometry.gyroBias(), 0.02, 0.001);
+      EXPECT_EQ(odometry.yawRate(), 0.0);
+    }
+  }
+  // Only the first 20 s ran with the unknown bias: 0.4 rad.
+  EXPECT_NEAR(angleDiff(odometry.pose().mean.phi, truth.phi), 0.4, 0.06);
+  EXPECT_NEAR(odometry.speed(), 1.0, 1e-6);
+  EXPECT_NEAR(
+      distance(odometry.pose().mean, odometry.poseAt(odometry.time() + milliseconds(100))),
+      0.1,
+      1e-4);
+}
+
+}  // namespace
+}  // namespace vestibule::ekf
