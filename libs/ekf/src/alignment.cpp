@@ -14,6 +14,7 @@ constexpr std::size_t kMaxFixes = 200;  ///< the newest 100 m and more
 constexpr int kReweightings = 10;
 constexpr double kHuber = 1.5;              ///< in sigmas
 constexpr double kMaxResidual = 2.0;        ///< rms in sigmas: beyond it the tracks do not agree
+constexpr double kOdometryDrift = 0.05;     ///< [-] of the extent: scale, bias not yet known
 constexpr double kOdometryYawSigma = 0.03;  ///< [rad] what the odometry itself bends meanwhile
 
 }  // namespace
@@ -49,8 +50,13 @@ std::optional<TrackAlignment::Result> TrackAlignment::solve() const {
     return std::nullopt;
   }
 
+  // Carrier-phase fixes are better than the odometry they are compared with.
+  std::vector<double> sigma_m(n);
   std::vector<double> weight(n);
-  for (std::size_t i = 0; i < n; ++i) weight[i] = 1.0 / (fixes_[i].sigma_m * fixes_[i].sigma_m);
+  for (std::size_t i = 0; i < n; ++i) {
+    sigma_m[i] = std::hypot(fixes_[i].sigma_m, kOdometryDrift * extent_m);
+    weight[i] = 1.0 / (sigma_m[i] * sigma_m[i]);
+  }
   Pose2 T_map_odom;
   double mean_square = 0.0;  // of the residuals in sigmas
   double spread_sq = 0.0;    // of the odometry track [m^2]
@@ -85,11 +91,11 @@ std::optional<TrackAlignment::Result> TrackAlignment::solve() const {
     for (std::size_t i = 0; i < n; ++i) {
       const Point2 p = transform(T_map_odom, {fixes_[i].p_odom.x(), fixes_[i].p_odom.y()});
       const double residual =
-          std::hypot(p.x - fixes_[i].p_map.x(), p.y - fixes_[i].p_map.y()) / fixes_[i].sigma_m;
-      const double plain = 1.0 / (fixes_[i].sigma_m * fixes_[i].sigma_m);
+          std::hypot(p.x - fixes_[i].p_map.x(), p.y - fixes_[i].p_map.y()) / sigma_m[i];
+      const double plain = 1.0 / (sigma_m[i] * sigma_m[i]);
       weight[i] = residual > kHuber ? plain * kHuber / residual : plain;
       mean_square += 0.5 * residual * residual / static_cast<double>(n);
-      sigma_sq += fixes_[i].sigma_m * fixes_[i].sigma_m / static_cast<double>(n);
+      sigma_sq += sigma_m[i] * sigma_m[i] / static_cast<double>(n);
     }
   }
   if (mean_square > kMaxResidual * kMaxResidual || spread_sq <= 0.0) return std::nullopt;

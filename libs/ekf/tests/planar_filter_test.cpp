@@ -354,7 +354,7 @@ TEST(OdometryFilter, LearnsTheGyroBiasStandingAndNeverJumps) {
   }
   // Only the first 20 s ran with the unknown bias: 0.4 rad.
   EXPECT_NEAR(angleDiff(odometry.pose().mean.phi, truth.phi), 0.4, 0.06);
-  EXPECT_NEAR(odometry.speed(), 1.0, 1e-6);
+  EXPECT_NEAR(odometry.speed(), 1.0, 1e-4);  // the chord is a little shorter than the arc
   EXPECT_NEAR(
       distance(odometry.pose().mean, odometry.poseAt(odometry.time() + milliseconds(100))),
       0.1,
