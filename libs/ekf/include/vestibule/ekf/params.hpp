@@ -34,8 +34,8 @@ struct HeadingParams {
   /// [rad] of mounting + declination, if the first readings agree with the track (within two
   /// sigma); a sensor that does not agree has an unknown offset.
   double offset_sigma_rad = degToRad(10.0);
-  double disturbance_sigma_rad = degToRad(15.0);  ///< [rad] passing deviation (steel, tilt)
-  double disturbance_time_s = 30.0;               ///< [s] how long such a deviation lasts
+  double disturbance_sigma_rad = degToRad(18.0);  ///< [rad] passing deviation (steel, tilt)
+  double disturbance_time_s = 25.0;               ///< [s] how long such a deviation lasts
   double relearn_after_s = 1.5;                   ///< [s] rejected so long: offset learnt anew
 };
 
