@@ -194,7 +194,6 @@ TEST(PlanarFilter, AHalfMinuteOfConsistentFarFixesMovesNothing) {
 TEST(PlanarFilter, FollowsGnssThatInsistsWhileDrivingAlong) {
   // The robot was carried: every fix afterwards agrees with the odometry, on another place. On
   // the 20 m of an eight the cluster never travels far enough, so this one drives straight.
-  Drive drive(43);
   FilterParams params;
   PlanarFilter filter(params, Drive::rigOf());
   bool reset = false;

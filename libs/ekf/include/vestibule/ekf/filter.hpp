@@ -1,10 +1,10 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <deque>
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "vestibule/core/events.hpp"
 #include "vestibule/core/frames.hpp"
@@ -33,7 +33,12 @@ struct Dropped {
 };
 
 /// Dead reckoning on wheels, gyro and changes of the heading sensor: the model without any absolute
-/// measurement. Starts at the origin with the first message; T_odom_base never jumps.
+/// measurement. Starts at the origin with the first message; its position never jumps, its yaw is
+/// turned by the heading sensor only as far as the gyro leaves room for it.
+///
+/// The yaw rate is taken about the vertical as the accelerometer shows it (specific force, +9.81 on
+/// the axis that points up), so an IMU mounted on its side or upside down works unannounced.
+/// Without a full accelerometer it is the rate about z.
 class OdometryFilter {
  public:
   explicit OdometryFilter(const FilterParams& params);
