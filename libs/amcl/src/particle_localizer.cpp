@@ -3,7 +3,6 @@
 #include <mrpt/maps/COccupancyGridMap2D.h>
 #include <mrpt/obs/CActionCollection.h>
 #include <mrpt/obs/CActionRobotMovement2D.h>
-#include <mrpt/obs/CObservation2DRangeScan.h>
 #include <mrpt/obs/CSensoryFrame.h>
 #include <mrpt/random/RandomGenerators.h>
 #include <mrpt/slam/CMonteCarloLocalization2D.h>
@@ -14,6 +13,7 @@
 #include <cmath>
 #include <tuple>
 
+#include "likelihood_table.hpp"
 #include "vestibule/core/angles.hpp"
 #include "vestibule/core/random.hpp"
 
@@ -24,44 +24,24 @@ constexpr std::size_t kMinBeams = 10;
 constexpr double kConvergedSpread_m = 1.5;
 constexpr double kSearchTempering = 0.5;
 
-/// Indices of the beams to use: valid, near enough, spread along the contour, at most max_beams.
-std::vector<std::size_t> selectBeams(const LaserScan& scan, const LikelihoodField& field) {
-  std::vector<std::size_t> spaced;
-  Point2 last{1e9, 1e9};
-  for (std::size_t i = 0; i < scan.ranges_m.size(); ++i) {
-    const auto range = static_cast<double>(scan.ranges_m[i]);
-    if (!scan.valid(i) || range > field.max_range_m) continue;
-    const Point2 end{range * std::cos(scan.angle(i)), range * std::sin(scan.angle(i))};
-    if (std::hypot(end.x - last.x, end.y - last.y) < field.min_spacing_m) continue;
-    spaced.push_back(i);
-    last = end;
-  }
-  const auto limit = static_cast<std::size_t>(field.max_beams);
-  if (spaced.size() <= limit) return spaced;
-  std::vector<std::size_t> chosen(limit);
-  for (std::size_t k = 0; k < limit; ++k) chosen[k] = spaced[k * spaced.size() / limit];
-  return chosen;
-}
+/// MRPT's filter with our likelihood under it.
+class Filter : public mrpt::slam::CMonteCarloLocalization2D {
+ public:
+  explicit Filter(LikelihoodTable table) : table_(std::move(table)) {}
 
-mrpt::obs::CObservation2DRangeScan::Ptr toMrptScan(
-    const LaserScan& scan, const std::vector<std::size_t>& beams) {
-  auto out = mrpt::obs::CObservation2DRangeScan::Create();
-  const std::size_t n = scan.ranges_m.size();
-  out->aperture = static_cast<float>(scan.angle_step_rad * static_cast<double>(n - 1));
-  // MRPT's fan is symmetric about the sensor's x axis: the rest of the start angle goes to the
-  // pose.
-  const double centre = scan.angle_min_rad + 0.5 * scan.angle_step_rad * static_cast<double>(n - 1);
-  out->rightToLeft = true;
-  out->maxRange = static_cast<float>(scan.range_max_m) + 1.0F;
-  const Pose2 mounting = compose(scan.T_base_laser, Pose2{0.0, 0.0, centre});
-  out->sensorPose = mrpt::poses::CPose3D(toPose3(mounting));
-  out->resizeScanAndAssign(n, 0.0F, false);
-  for (const std::size_t i : beams) {
-    out->setScanRange(i, scan.ranges_m[i]);
-    out->setScanRangeValidity(i, true);
+  double PF_SLAM_computeObservationLikelihoodForParticle(
+      const mrpt::bayes::CParticleFilter::TParticleFilterOptions& /*options*/,
+      const size_t /*particle*/,
+      const mrpt::obs::CSensoryFrame& /*frame*/,
+      const mrpt::poses::CPose3D& x) const override {
+    return table_.logLikelihood({x.x(), x.y(), x.yaw()}, beams);
   }
-  return out;
-}
+
+  BeamEnds beams;  ///< of the scan being weighed
+
+ private:
+  LikelihoodTable table_;
+};
 
 }  // namespace
 
@@ -93,7 +73,7 @@ struct ParticleLocalizer::Impl {
   std::uint64_t seed;
   const Observers* observers;
 
-  mrpt::slam::CMonteCarloLocalization2D filter;
+  Filter filter;
   mrpt::bayes::CParticleFilter driver;
   bool initialised = false;
   std::uint64_t draws = 0;  // numbers every use of the random generator
@@ -109,22 +89,14 @@ struct ParticleLocalizer::Impl {
       std::shared_ptr<const grid::OccupancyMap> m,
       std::uint64_t s,
       const Observers* o)
-      : params(p), map(std::move(m)), field(*map), seed(s), observers(o) {
-    // The filter keeps a likelihood cache inside the grid: it works on its own copy of the cells.
-    auto grid = mrpt::maps::COccupancyGridMap2D::Create(*map->mrptGrid());
-    auto& lf = grid->likelihoodOptions;
-    lf.likelihoodMethod = mrpt::maps::COccupancyGridMap2D::lmLikelihoodField_Thrun;
-    lf.LF_stdHit = static_cast<float>(params.field.sigma_hit_m);
-    lf.LF_zHit = static_cast<float>(params.field.z_hit);
-    lf.LF_zRandom = static_cast<float>(params.field.z_rand);
-    lf.LF_maxRange = static_cast<float>(params.field.max_range_m);
-    lf.LF_maxCorrsDistance = static_cast<float>(params.field.max_distance_m);
-    lf.LF_decimation = 1;
-    lf.LF_useSquareDist = false;  // true would square the squared distance once more
-    lf.enableLikelihoodCache = true;
-    filter.options.metricMap = grid;
+      : params(p),
+        map(std::move(m)),
+        field(*map),
+        seed(s),
+        observers(o),
+        filter(LikelihoodTable(*map, field, params.field)) {
+    filter.options.metricMap = map->mrptGrid();  // MRPT insists on one; it is not read
     filter.options.KLD_params.KLD_minSampleSize = static_cast<unsigned>(params.kld.min_particles);
-    filter.options.KLD_params.KLD_maxSampleSize = static_cast<unsigned>(params.kld.max_particles);
     filter.options.KLD_params.KLD_epsilon = params.kld.epsilon;
     filter.options.KLD_params.KLD_delta = params.kld.delta;
     filter.options.KLD_params.KLD_binSize_XY = params.kld.bin_m;
@@ -163,7 +135,7 @@ struct ParticleLocalizer::Impl {
     return compose(compose(map->T_map_grid(), T_grid_update), T_update_now);
   }
 
-  void updateParticles(const LaserScan& scan, const std::vector<std::size_t>& beams) {
+  void updateParticles(BeamEnds beams) {
     mrpt::obs::CActionRobotMovement2D::TMotionModelOptions model;
     model.modelSelection = mrpt::obs::CActionRobotMovement2D::mmGaussian;
     model.gaussianModel.a1 = params.motion.trans_per_trans;
@@ -179,14 +151,18 @@ struct ParticleLocalizer::Impl {
     mrpt::obs::CActionCollection actions;
     actions.insert(movement);
 
-    mrpt::obs::CSensoryFrame frame;
-    frame.insert(toMrptScan(scan, beams));
+    const mrpt::obs::CSensoryFrame frame;  // the filter looks at its beams instead
 
-    // While the particles are spread over the map one scan must not kill all modes but one.
+    // While the particles are spread over the map one scan must not kill all modes but one: it is
+    // tempered more, and the particles stay many.
     const double spread_m = std::sqrt(T_grid_update.cov(0, 0) + T_grid_update.cov(1, 1));
+    const bool searching = spread_m > kConvergedSpread_m;
     const double effective_beams =
-        params.field.effective_beams * (spread_m > kConvergedSpread_m ? kSearchTempering : 1.0);
+        params.field.effective_beams * (searching ? kSearchTempering : 1.0);
     driver.m_options.powFactor = std::min(1.0, effective_beams / static_cast<double>(beams.size()));
+    filter.options.KLD_params.KLD_maxSampleSize =
+        static_cast<unsigned>(searching ? params.global_max_particles : params.kld.max_particles);
+    filter.beams = std::move(beams);
     seedGenerator();
     mrpt::bayes::CParticleFilter::TParticleFilterStats stats;
     driver.executeOn(filter, &actions, &frame, &stats);
@@ -263,14 +239,14 @@ void ParticleLocalizer::process(const WheelOdometry& odometry) {
 ScanReport ParticleLocalizer::process(const LaserScan& scan) {
   assert(initialised());
   Impl& s = *impl_;
-  const auto beams = selectBeams(scan, s.params.field);
+  BeamEnds beams = chooseBeams(scan, s.params.field);
   const bool moved = translationNorm(s.T_update_now) >= s.params.update_min_d_m ||
                      std::abs(s.T_update_now.phi) >= s.params.update_min_a_rad;
   const double since_update_s = std::abs(toSeconds(scan.stamp - s.last_update));
   s.report.used = beams.size() >= kMinBeams &&
                   (s.first_scan || moved || since_update_s >= s.params.update_max_s);
   if (s.report.used) {
-    s.updateParticles(scan, beams);
+    s.updateParticles(std::move(beams));
     s.last_update = scan.stamp;
   }
 

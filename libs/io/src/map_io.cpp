@@ -119,17 +119,29 @@ void readMrptObject(const std::string& path, T& object, const std::string& what)
   throw InputError(path + ": not a readable " + what + " (" + reason + "); export it again");
 }
 
-/// Cells of an MRPT grid decided into three kinds, on a grid that starts at its corner.
+/// Cells of an MRPT grid decided into three kinds, on a grid that starts at its corner. MRPT itself
+/// takes every cell on the occupied side of 0.5 for an obstacle; cells this near to it are unknown.
 grid::OccupancyMap fromMrptGrid(const COccupancyGridMap2D& source) {
+  constexpr float kUndecided = 0.05F;
   const int width = static_cast<int>(source.getSizeX());
   const int height = static_cast<int>(source.getSizeY());
-  const grid::OccupancyMap view(std::make_shared<COccupancyGridMap2D>(source), {});
   std::vector<Cell> cells;
   cells.reserve(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   for (int iy = 0; iy < height; ++iy) {
-    for (int ix = 0; ix < width; ++ix) cells.push_back(view.cell(ix, iy));
+    for (int ix = 0; ix < width; ++ix) {
+      const float freeness = source.getCell(ix, iy);
+      cells.push_back(
+          freeness < 0.5F - kUndecided
+              ? Cell::kOccupied
+              : (freeness > 0.5F + kUndecided ? Cell::kFree : Cell::kUnknown));
+    }
   }
-  return grid::OccupancyMap::fromCells(width, height, view.resolution(), view.corner(), cells);
+  return grid::OccupancyMap::fromCells(
+      width,
+      height,
+      static_cast<double>(source.getResolution()),
+      {static_cast<double>(source.getXMin()), static_cast<double>(source.getYMin())},
+      cells);
 }
 
 bool endsWith(const std::string& text, std::string_view end) {

@@ -7,10 +7,10 @@ namespace vestibule::amcl {
 
 /// Odometry noise as standard deviations per motion (Gaussian motion model of MRPT).
 struct MotionNoise {
-  double trans_per_trans = 0.10;       ///< [m/m]
-  double trans_per_rot = 0.05;         ///< [m/rad]
-  double rot_per_trans = 0.04;         ///< [rad/m]
-  double rot_per_rot = 0.12;           ///< [rad/rad]
+  double trans_per_trans = 0.15;       ///< [m/m]
+  double trans_per_rot = 0.10;         ///< [m/rad]
+  double rot_per_trans = 0.08;         ///< [rad/m]
+  double rot_per_rot = 0.25;           ///< [rad/rad]
   double min_trans_m = 0.008;          ///< [m] added at every update
   double min_rot_rad = degToRad(0.3);  ///< [rad] added at every update
 };
@@ -18,9 +18,9 @@ struct MotionNoise {
 /// Beam end points against the distance to the nearest mapped obstacle
 /// (likelihood field: Thrun, Burgard, Fox, Probabilistic Robotics, section 6.4).
 struct LikelihoodField {
-  double sigma_hit_m = 0.12;
-  double z_hit = 0.90;
-  double z_rand = 0.10;
+  double sigma_hit_m = 0.10;
+  double z_hit = 0.50;
+  double z_rand = 0.50;
   double max_distance_m = 0.7;  ///< distances are cut here
   double max_range_m = 30.0;    ///< longer beams are not used
   int max_beams = 90;           ///< end points used, spread along the contour

@@ -15,6 +15,9 @@ class DistanceField {
   /// Distance at a point of the map frame [m]; `outside` beyond the grid or without any obstacle.
   [[nodiscard]] double at(const Point2& p_map, double outside_m) const;
 
+  /// Distances [m] row-major from the bottom left cell; empty when the map has no obstacle.
+  [[nodiscard]] const std::vector<float>& cells() const { return distance_m_; }
+
  private:
   std::vector<float> distance_m_;
   int width_;
