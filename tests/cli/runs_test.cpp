@@ -1,0 +1,204 @@
+// Runs that succeed: the files each leaves, that they say what they should, and that a second run
+// writes the same bytes.
+
+#include <cmath>
+
+#include "cli_fixture.hpp"
+#include "room_log.hpp"
+#include "vestibule/core/params.hpp"
+#include "vestibule/io/trajectory.hpp"
+#include "vestibule/pipeline/config.hpp"
+
+namespace vestibule::test {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+using testing::IsSupersetOf;
+
+class Runs : public Cli {
+ protected:
+  /// Runs the command into `out`, expects success and a complete, well-formed set of files.
+  void runInto(const std::string& out, std::vector<std::string> command) const {
+    const std::string name = command.front();
+    command.insert(command.end(), {"--out", path(out)});
+    const CommandResult result = run(command);
+    ASSERT_EQ(result.exit_code, 0) << result.err << result.out;
+    EXPECT_EQ(result.err, "") << "quiet when standard error is no terminal";
+    EXPECT_THAT(result.out, HasSubstr("report: " + path(out) + "/report.html"));
+    expectWellFormed(out, name);
+  }
+
+  void expectWellFormed(const std::string& out, const std::string& command) const {
+    ASSERT_THAT(
+        finalFiles(path(out)),
+        IsSupersetOf(
+            {"config.resolved.yaml",
+             "events.jsonl",
+             "map.png",
+             "report.html",
+             "summary.json",
+             "trajectory.tum"}));
+
+    EXPECT_FALSE(io::readTum(path(out + "/trajectory.tum")).empty());
+
+    const json summary = json::parse(readFile(path(out + "/summary.json")));
+    EXPECT_EQ(summary.at("schema"), "vestibule.summary");
+    EXPECT_EQ(summary.at("schema_version"), 1);
+    EXPECT_EQ(summary.at("command"), command);
+    EXPECT_TRUE(summary.at("seed").is_number_unsigned());
+
+    std::size_t number = 0;
+    for (const std::string& line : lines(readFile(path(out + "/events.jsonl")))) {
+      ++number;
+      const json event = json::parse(line, nullptr, false);
+      ASSERT_TRUE(event.is_object()) << "events.jsonl:" << number << ": " << line;
+      EXPECT_TRUE(event.contains("t") && event.contains("type")) << line;
+    }
+
+    const std::string resolved = readFile(path(out + "/config.resolved.yaml"));
+    EXPECT_EQ(
+        dumpParams(parseParams<pipeline::Config>(resolved, "config.resolved.yaml")), resolved);
+
+    EXPECT_EQ(readFile(path(out + "/map.png")).substr(0, 8), "\x89PNG\r\n\x1a\n");
+
+    const std::string report = readFile(path(out + "/report.html"));
+    EXPECT_THAT(report.substr(0, 200), testing::ContainsRegex("<!(DOCTYPE|doctype) html>"));
+    EXPECT_THAT(report, HasSubstr("data:image/png;base64,"));
+    EXPECT_THAT(report, HasSubstr("</html>"));
+    for (const char* outside : {"src=\"http", "href=\"http", "src=\"//"}) {
+      EXPECT_THAT(report, testing::Not(HasSubstr(outside))) << "the report is self-contained";
+    }
+  }
+
+  /// The report and timing.json tell how fast this run was; everything else repeats.
+  void expectSameBytes(const std::string& a, const std::string& b) const {
+    ASSERT_EQ(finalFiles(path(a)), finalFiles(path(b)));
+    for (const std::string& name : finalFiles(path(a))) {
+      if (name == "report.html" || name == "timing.json") continue;
+      EXPECT_TRUE(readFile(path(a + "/" + name)) == readFile(path(b + "/" + name)))
+          << name << " differs between two equal runs";
+    }
+  }
+
+  void expectRepeats(const std::vector<std::string>& command) const {
+    ASSERT_NO_FATAL_FAILURE(runInto("first", command));
+    ASSERT_NO_FATAL_FAILURE(runInto("second", command));
+    expectSameBytes("first", "second");
+  }
+};
+
+TEST_F(Runs, GlobalLocalizationRepeats) {
+  const std::string demo = std::string(kMrptDatasets) + "localization_demo";
+  expectRepeats({"localize", demo + ".rawlog", "--map", demo + ".simplemap.gz"});
+}
+
+TEST_F(Runs, FuseRepeats) { expectRepeats({"fuse", shipped("datasets/husky_gnss/test1.bag")}); }
+
+TEST_F(Runs, MissionRepeatsAndTheSeedMatters) {
+  const std::vector<std::string> mission{
+      "mission", shortMission(), "--world", shipped(kFarmWorld), "--record"};
+  expectRepeats(mission);
+  EXPECT_THAT(
+      finalFiles(path("first")),
+      IsSupersetOf({"inside.png", "odometry.tum", "recording.rawlog", "truth.tum"}));
+  const json summary = json::parse(readFile(path("first/summary.json")));
+  EXPECT_EQ(summary["done"], true) << summary.dump(2);
+  EXPECT_EQ(summary["waypoints"].size(), 2U);
+
+  auto other = mission;
+  other.insert(other.end(), {"--seed", "2"});
+  ASSERT_NO_FATAL_FAILURE(runInto("other", other));
+  EXPECT_NE(readFile(path("first/trajectory.tum")), readFile(path("other/trajectory.tum")));
+
+  // The recording can be read again.
+  const CommandResult info = run({"info", path("first/recording.rawlog"), "--json"});
+  EXPECT_EQ(info.exit_code, 0) << info.err;
+  const json contents = json::parse(info.out);
+  EXPECT_EQ(contents["format"], "MRPT rawlog");
+}
+
+TEST_F(Runs, TheResolvedConfigurationGivesTheSameRun) {
+  const std::string log = shipped("datasets/husky_gnss/test1.bag");
+  const std::string config = file("mine.yaml", "ekf:\n  gnss:\n    sigma_differential_m: 2.5\n");
+  ASSERT_NO_FATAL_FAILURE(runInto("first", {"fuse", log, "--config", config}));
+  ASSERT_NO_FATAL_FAILURE(
+      runInto("second", {"fuse", log, "--config", path("first/config.resolved.yaml")}));
+  expectSameBytes("first", "second");
+}
+
+class Room : public Runs {
+ protected:
+  void SetUp() override {
+    file("corrected.log", drive_.carmenLog(true));
+    file("raw.log", drive_.carmenLog(false));
+    ASSERT_NO_FATAL_FAILURE(runInto("map", {"map", path("corrected.log"), "--known-poses"}));
+  }
+
+  RoomDrive drive_;
+};
+
+TEST_F(Room, MapThenLocalizeInIt) {
+  const json map = json::parse(readFile(path("map/summary.json")));
+  EXPECT_EQ(map["scans"], drive_.poses.size());
+  // 9 x 7 m of room with a rim of 1 m
+  EXPECT_NEAR(map["width_cells"].get<double>() * 0.05, 11.0, 0.5);
+  EXPECT_NEAR(map["height_cells"].get<double>() * 0.05, 9.0, 0.5);
+
+  const Pose2& start = drive_.poses.front();
+  const std::string init =
+      std::to_string(start.x) + "," + std::to_string(start.y) + "," + std::to_string(start.phi);
+  ASSERT_NO_FATAL_FAILURE(
+      runInto("loc", {"localize", path("raw.log"), "--map", path("map/map.yaml"), "--init", init}));
+
+  // One line per scan in file order with the scan's own stamp, also where they run backwards.
+  const io::Trajectory poses = io::readTum(path("loc/trajectory.tum"));
+  ASSERT_EQ(poses.size(), drive_.poses.size());
+  std::size_t backwards = 0;
+  double worst_m = 0.0;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    EXPECT_EQ(poses[i].stamp, drive_.stamps[i]) << "line " << i + 1;
+    if (i > 0 && poses[i].stamp < poses[i - 1].stamp) ++backwards;
+    worst_m = std::max(worst_m, distance(toPose2(poses[i].T), drive_.poses[i]));
+  }
+  EXPECT_EQ(backwards, 2U);
+  // The odometry alone is 0.3 m off after the loop; cells are 0.05 m.
+  EXPECT_LE(worst_m, 0.12);
+}
+
+TEST_F(Room, MapKeepsThePosesOfTheLog) {
+  const io::Trajectory poses = io::readTum(path("map/trajectory.tum"));
+  ASSERT_EQ(poses.size(), drive_.poses.size());
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    EXPECT_EQ(poses[i].stamp, drive_.stamps[i]) << "line " << i + 1;
+    EXPECT_LT(distance(toPose2(poses[i].T), drive_.poses[i]), 1e-5) << "line " << i + 1;
+  }
+}
+
+TEST_F(Room, ALostRobotFailsItsPurpose) {
+  // GIVEN a map of another place: the scans cannot fit
+  const CommandResult result = run(
+      {"localize", path("raw.log"), "--map", roomMap(), "--init", "1,1,0", "--out", path("lost")});
+  // THEN the run is complete and says so
+  EXPECT_EQ(result.exit_code, 1) << result.out;
+  EXPECT_THAT(result.out, HasSubstr("LOST"));
+  expectWellFormed("lost", "localize");
+}
+
+TEST_F(Cli, InfoTellsWhatIsInARecording) {
+  const std::string log = file("raw.log", RoomDrive().carmenLog(false));
+  const CommandResult table = run({"info", log});
+  EXPECT_EQ(table.exit_code, 0) << table.err;
+  EXPECT_THAT(
+      table.out, testing::AllOf(HasSubstr("CARMEN log"), HasSubstr("FLASER"), HasSubstr("140")));
+  EXPECT_THAT(table.out, testing::ContainsRegex("backward"));
+
+  const CommandResult as_json = run({"info", log, "--json"});
+  EXPECT_EQ(as_json.exit_code, 0);
+  const json info = json::parse(as_json.out);
+  EXPECT_EQ(info["format"], "CARMEN log");
+  EXPECT_TRUE(info.contains("schema"));
+}
+
+}  // namespace
+}  // namespace vestibule::test
