@@ -237,6 +237,7 @@ MissionResult runMission(
     input.v_mps = estimator.speed();
     input.omega_radps = estimator.yawRate();
     if (host.scan_stamp) input.scan_base = &host.scan_base;
+    input.p_base_laser = {setup.sim.rig.T_base_laser.x, setup.sim.rig.T_base_laser.y};
     input.scan_stamp = host.scan_stamp;
     const nav::RunnerOutput output = runner.step(input);
     simulator.command(output.command.v_mps, output.command.omega_radps);
