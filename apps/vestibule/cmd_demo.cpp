@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -15,7 +16,7 @@ namespace {
 
 constexpr const char* kMrptDatasets = "/usr/share/mrpt/datasets/";
 
-/// The UWB recording's reference: lines `index x y yaw`, one per scan, in scan order.
+/// The UWB recording's reference: lines `index x y yaw`, one per pair of odometry and scan, in order.
 std::vector<Pose2> readStepReference(const std::string& path) {
   std::ifstream in(path);
   if (!in) {
@@ -125,8 +126,10 @@ class Demo {
     args.title = "Indoors, real: tracking in a prebuilt map";
     args.reference = [&reference](const metrics::Trajectory& estimate) {
       metrics::Trajectory poses;
-      for (std::size_t i = 0; i < estimate.size() && i < reference.size(); ++i) {
-        poses.push_back({estimate[i].stamp, reference[i]});
+      // The recording opens with a scan that has no odometry before it, and so no row.
+      const std::size_t skip = estimate.size() - std::min(estimate.size(), reference.size());
+      for (std::size_t i = skip; i < estimate.size(); ++i) {
+        poses.push_back({estimate[i].stamp, reference[i - skip]});
       }
       return poses;
     };

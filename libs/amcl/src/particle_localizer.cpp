@@ -265,6 +265,7 @@ ScanReport ParticleLocalizer::process(const LaserScan& scan) {
     PoseEvent event;
     event.stamp = scan.stamp;
     event.source = PoseSource::kParticles;
+    event.mode = Mode::kIndoor;
     event.T = s.pose();
     s.observers->emit(event);
   }

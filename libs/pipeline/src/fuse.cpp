@@ -7,9 +7,14 @@
 #include "vestibule/ekf/filter.hpp"
 #include "vestibule/geo/tangent_plane.hpp"
 #include "vestibule/metrics/transition.hpp"
+#include "vestibule/pipeline/time_ordered_queue.hpp"
 
 namespace vestibule::pipeline {
 namespace {
+
+// Sources of one recorder are written this much out of order at most; later ones are dropped by
+// the filter.
+constexpr Duration kLateness = std::chrono::milliseconds(500);
 
 /// One recording on its way through the filter.
 class Fusion {
@@ -135,12 +140,19 @@ FuseResult fuse(
   const auto reader = io::openRecording(recording_path, recording_options);
   Fusion fusion(config, observers);
   std::optional<Timestamp> first;
-  while (const auto record = reader->next()) {
-    fusion.process(record->measurement);
+  TimeOrderedQueue queue(kLateness);
+  const auto work = [&] {
+    while (const auto measurement = queue.pop()) fusion.process(*measurement);
+  };
+  while (auto record = reader->next()) {
     const Timestamp stamp = stampOf(record->measurement);
     if (!first) first = stamp;
+    queue.push(std::move(record->measurement));
+    work();
     progress(reader->progress(), toSeconds(stamp - *first));
   }
+  queue.finish();
+  work();
   if (fusion.wheel_messages == 0) {
     throw InputError(
         recording_path + ": no wheel odometry in it, which the filter needs (see vestibule info)");
