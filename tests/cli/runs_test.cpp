@@ -2,6 +2,7 @@
 // writes the same bytes.
 
 #include <cmath>
+#include <filesystem>
 
 #include "cli_fixture.hpp"
 #include "room_log.hpp"
@@ -110,6 +111,14 @@ TEST_F(Runs, MissionRepeatsAndTheSeedMatters) {
   other.insert(other.end(), {"--seed", "2"});
   ASSERT_NO_FATAL_FAILURE(runInto("other", other));
   EXPECT_NE(readFile(path("first/trajectory.tum")), readFile(path("other/trajectory.tum")));
+
+  // Nothing lands in the working folder: there are only the mission, the outputs and what the
+  // three runs printed.
+  for (const auto& entry : std::filesystem::directory_iterator(folder_.path())) {
+    EXPECT_THAT(
+        entry.path().filename().string(),
+        testing::MatchesRegex("short.yaml|first|second|other|std(out|err)-[0-9]+"));
+  }
 
   // The recording can be read again.
   const CommandResult info = run({"info", path("first/recording.rawlog"), "--json"});

@@ -19,7 +19,7 @@ struct CommandResult {
 class ChildProcess {
  public:
   /// \param command the program's path and its arguments
-  /// \param folder  where its output is collected; exists
+  /// \param folder  its working folder, where its output is collected; exists
   ChildProcess(const std::vector<std::string>& command, const std::filesystem::path& folder);
   ChildProcess(const ChildProcess&) = delete;
   ChildProcess& operator=(const ChildProcess&) = delete;

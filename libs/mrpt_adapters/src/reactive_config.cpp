@@ -75,7 +75,7 @@ void writePtg(std::ostringstream& out, int index, const char* type, const Reacti
 
 }  // namespace
 
-std::string reactiveConfig(const ReactiveParams& params, const std::string& cache_folder) {
+std::string reactiveConfig(const ReactiveParams& params) {
   std::ostringstream out;
   out.precision(12);
   out << "[CAbstractNavigator]\n"
@@ -95,7 +95,6 @@ std::string reactiveConfig(const ReactiveParams& params, const std::string& cach
       << "robotMax_W_degps = " << radToDeg(params.max_yaw_rate_radps) << "\n"
       << "holonomic_method = CHolonomicND\n"
       << "motion_decider_method = CMultiObjMotionOpt_Scalarization\n"
-      << "ptg_cache_files_directory = " << cache_folder << "\n"
       << "ref_distance = " << params.reference_distance_m << "\n"
       << "secure_distance_start = 0.03\n"
       << "secure_distance_end = 0.20\n"

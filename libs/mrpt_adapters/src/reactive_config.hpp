@@ -7,9 +7,6 @@
 namespace vestibule::mrpt_adapters {
 
 /// The text of an MRPT configuration file for the reactive navigator.
-///
-/// \param cache_folder where MRPT writes its collision tables
-[[nodiscard]] std::string reactiveConfig(
-    const ReactiveParams& params, const std::string& cache_folder);
+[[nodiscard]] std::string reactiveConfig(const ReactiveParams& params);
 
 }  // namespace vestibule::mrpt_adapters

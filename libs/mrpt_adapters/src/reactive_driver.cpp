@@ -188,8 +188,11 @@ struct ReactiveDriver::Impl {
     // On by default and printed by the destructor; the getter is const only.
     const_cast<mrpt::system::CTimeLogger&>(navigator->getDelaysTimeLogger()).disable();
     navigator->enableRethrowNavExceptions(true);
-    mrpt::config::CConfigFileMemory config(reactiveConfig(params, scratch.path()));
+    mrpt::config::CConfigFileMemory config(reactiveConfig(params));
     navigator->loadConfigFile(config);
+    // MRPT 2.5 does not read this from the configuration; by default it writes its collision tables
+    // into the working folder, and reads there what another process may be writing.
+    navigator->params_abstract_ptg_navigator.ptg_cache_files_directory = scratch.path();
     navigator->initialize();
   }
 
