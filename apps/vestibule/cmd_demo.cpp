@@ -16,7 +16,8 @@ namespace {
 
 constexpr const char* kMrptDatasets = "/usr/share/mrpt/datasets/";
 
-/// The UWB recording's reference: lines `index x y yaw`, one per pair of odometry and scan, in order.
+/// The UWB recording's reference: lines `index x y yaw`, one per pair of odometry and scan, in
+/// order.
 std::vector<Pose2> readStepReference(const std::string& path) {
   std::ifstream in(path);
   if (!in) {

@@ -42,6 +42,7 @@ gui_headless::ReportSection runLocalize(
   s["trusted_at_end"] = result.trusted_at_end;
   s["final_trust"] = rounded(result.final_trust, 6);
   s["mean_inlier_share"] = rounded(result.mean_inlier_share, 6);
+  s["recoveries"] = result.recoveries;
   s["particles_mean"] = rounded(result.mean_particle_count, 1);
   s["particles_max"] = result.largest_particle_count;
   const Pose2& end = result.trajectory.back().pose;
@@ -59,7 +60,8 @@ gui_headless::ReportSection runLocalize(
       figure("speed", fixed(result.data_s / std::max(wall_s, 1e-3), 0), "x real time"),
       figure("particles, mean", fixed(result.mean_particle_count, 0)),
       figure("beams on mapped obstacles, mean", fixed(100.0 * result.mean_inlier_share, 1), "%"),
-      figure("scans with a trusted pose", fixed(100.0 * result.trusted_share, 1), "%")};
+      figure("scans with a trusted pose", fixed(100.0 * result.trusted_share, 1), "%"),
+      figure("searches because the scans did not fit", std::to_string(result.recoveries))};
   if (!reference.empty()) {
     const auto errors = metrics::absoluteErrors(
         metrics::associate(result.trajectory, reference), metrics::Alignment::kNone);

@@ -88,7 +88,9 @@ class SectionBuilder {
       tiles.push_back(updates);
     }
     if (!run_.modeEvents().empty() || !doors_.empty()) {
-      Figure changes = plain("Mode changes", grouped(run_.modeEvents().size()), "");
+      std::size_t switches = 0;
+      for (const ModeEvent& e : run_.modeEvents()) switches += e.from != e.to ? 1U : 0U;
+      Figure changes = plain("Mode changes", grouped(switches), "");
       if (!doors_.empty()) changes.note = grouped(doors_.size()) + " door crossings";
       tiles.push_back(changes);
     }

@@ -34,10 +34,19 @@ void describe(ParamIo& io, Kld& p) {
   }
 }
 
+void describe(ParamIo& io, RecoveryParams& p) {
+  io.optional("after_scans", p.after_scans, within(1, 1e6));
+  io.optional("sigma_m", p.sigma_m, positive());
+  io.optionalDegrees("sigma_deg", p.sigma_rad, positive());
+  io.optional("growth", p.growth, {1.0, 10.0});
+  io.optional("max_sigma_m", p.max_sigma_m, positive());
+}
+
 void describe(ParamIo& io, AmclParams& p) {
   io.section("motion", p.motion);
   io.section("likelihood_field", p.field);
   io.section("kld", p.kld);
+  io.section("recovery", p.recovery);
   io.optional("update_min_d_m", p.update_min_d_m, nonNegative());
   io.optionalDegrees("update_min_a_deg", p.update_min_a_rad, nonNegative());
   io.optional("update_max_s", p.update_max_s, positive());

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "vestibule/amcl/particle_localizer.hpp"
+#include "vestibule/amcl/recovery_ladder.hpp"
 #include "vestibule/core/errors.hpp"
 
 namespace vestibule::pipeline {
@@ -36,6 +37,8 @@ LocalizeResult localize(
     localizer.initialiseGlobally();
   }
 
+  amcl::RecoveryLadder recovery(config.amcl, localizer, T_map_base_init, &observers);
+
   LocalizeResult result;
   std::size_t odometry_count = 0;
   std::size_t trusted_count = 0;
@@ -46,10 +49,12 @@ LocalizeResult localize(
   while (const auto record = reader->next()) {
     if (const auto* odometry = std::get_if<WheelOdometry>(&record->measurement)) {
       localizer.process(*odometry);
+      recovery.process(*odometry);
       ++odometry_count;
     } else if (const auto* scan = std::get_if<LaserScan>(&record->measurement)) {
       const amcl::ScanReport report = localizer.process(*scan);
       const Pose2 T_map_base = localizer.pose().mean;
+      recovery.process(*scan, report);
       if (!result.trajectory.empty()) {
         result.distance_m += distance(result.trajectory.back().pose, T_map_base);
       }
@@ -68,6 +73,7 @@ LocalizeResult localize(
       progress(reader->progress(), toSeconds(scan->stamp - *first));
     }
   }
+  result.recoveries = recovery.tries();
   result.notes = reader->notes();
   if (result.trajectory.empty()) {
     throw InputError(

@@ -39,10 +39,20 @@ struct Kld {
   double bin_rad = degToRad(5.0);
 };
 
+/// Searching again when the scans do not fit.
+struct RecoveryParams {
+  int after_scans = 8;                ///< used scans in a row that do not fit
+  double sigma_m = 0.7;               ///< of the first search around the expected pose
+  double sigma_rad = degToRad(40.0);  ///< of the same
+  double growth = 2.0;                ///< of both at each further try
+  double max_sigma_m = 3.0;           ///< beyond it the whole map is searched
+};
+
 struct AmclParams {
   MotionNoise motion;
   LikelihoodField field;
   Kld kld;
+  RecoveryParams recovery;
   double update_min_d_m = 0.08;             ///< a scan is used after this much motion ...
   double update_min_a_rad = degToRad(3.0);  ///< ... or turn
   double update_max_s = 1.0;                ///< ... or time, so that standing still converges
@@ -56,6 +66,7 @@ struct AmclParams {
 void describe(ParamIo& io, MotionNoise& p);
 void describe(ParamIo& io, LikelihoodField& p);
 void describe(ParamIo& io, Kld& p);
+void describe(ParamIo& io, RecoveryParams& p);
 void describe(ParamIo& io, AmclParams& p);
 
 }  // namespace vestibule::amcl

@@ -21,6 +21,7 @@ struct LocalizeResult {
   double mean_inlier_share = 0.0;
   double final_trust = 0.0;
   bool trusted_at_end = false;
+  int recoveries = 0;  ///< searches because the scans did not fit
   std::size_t largest_particle_count = 0;
   double mean_particle_count = 0.0;
   double data_s = 0.0;      ///< largest minus smallest stamp
