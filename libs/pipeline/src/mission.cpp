@@ -43,8 +43,8 @@ class Host : public nav::MissionHost {
     if (!hooks_.photo) return;
     PhotoRequest request;
     request.stamp = stamp;
-    request.file = task.file;
     request.waypoint = path.waypoints.back().name;
+    request.file = task.file.empty() ? request.waypoint + ".png" : task.file;
     request.T_map_base = estimator_.modeManager().published().mean;
     request.p_base_scan = scan_base;
     hooks_.photo(request);
