@@ -1,11 +1,15 @@
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <sstream>
+#include <string>
+#include <vector>
 
 #include "commands.hpp"
 #include "terminal.hpp"
 #include "vestibule/core/errors.hpp"
+#include "vestibule/core/params.hpp"
 
 namespace {
 
@@ -15,6 +19,19 @@ void printProblems(const std::string& text) {
   for (std::string line; std::getline(lines, line);) {
     std::fprintf(stderr, "vestibule: %s\n", line.c_str());
   }
+}
+
+/// What was wrong with the command line, and what to type instead.
+std::string explain(const CLI::ParseError& error, const CLI::App& app, const std::string& word) {
+  std::vector<std::string> commands;
+  for (const CLI::App* command : app.get_subcommands({})) commands.push_back(command->get_name());
+  const bool known = std::find(commands.begin(), commands.end(), word) != commands.end();
+  if (!known && !word.empty() && word[0] != '-') {
+    const auto near = vestibule::nearestWord(word, commands);
+    return "'" + word + "' is not a command" + (near ? " (did you mean " + *near + "?)" : "") +
+           "; 'vestibule --help' lists them";
+  }
+  return std::string(error.what()) + "; see 'vestibule" + (known ? " " + word : "") + " --help'";
 }
 
 int run(int argc, char** argv) {
@@ -43,7 +60,7 @@ int run(int argc, char** argv) {
   } catch (const CLI::CallForAllHelp& e) {
     return app.exit(e);
   } catch (const CLI::ParseError& e) {
-    app.exit(e);
+    printProblems(explain(e, app, argc > 1 ? argv[1] : ""));
     return kBadUsage;
   }
   return exit_code;

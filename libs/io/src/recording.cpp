@@ -105,7 +105,7 @@ CsvMapping chooseCsvMapping(const std::string& path, const RecordingOptions& opt
   throw InputError(
       path + ":1: no column mapping fits the header " + quoted(header, 400) +
       "; write a YAML that names its columns (time: {column: ...}, gnss, wheels, heading; "
-      "config/csv/ has examples) and pass it as the CSV mapping");
+      "config/csv/ has examples) and pass it with --csv-mapping");
 }
 
 std::unique_ptr<RecordingReader> openRecording(

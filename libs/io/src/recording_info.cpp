@@ -272,7 +272,8 @@ std::string RecordingInfo::toText() const {
 std::string RecordingInfo::toJson() const {
   using nlohmann::ordered_json;
   ordered_json json;
-  json["schema"] = "vestibule.recording_info/1";
+  json["schema"] = "vestibule.recording_info";
+  json["schema_version"] = 1;
   json["path"] = path;
   json["format"] = format;
   json["size_bytes"] = size_bytes;

@@ -1,8 +1,12 @@
 #include "vestibule/io/run_directory.hpp"
 
+#include <signal.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <cstdlib>
+#include <string>
 
 #include "vestibule/core/errors.hpp"
 
@@ -10,10 +14,30 @@ namespace vestibule::io {
 
 namespace fs = std::filesystem;
 
-RunDirectory::RunDirectory(fs::path path)
-    : path_(std::move(path)), partial_(path_ / (".partial-" + std::to_string(::getpid()))) {
+namespace {
+
+const std::string kPartial = ".partial-";
+
+/// What killed runs left behind: folders named after processes that no longer live.
+void removeLeftovers(const fs::path& folder) {
   std::error_code error;
-  fs::create_directories(path_, error);
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    const std::string name = entry.path().filename().string();
+    if (name.compare(0, kPartial.size(), kPartial) != 0) continue;
+    const long pid = std::strtol(name.c_str() + kPartial.size(), nullptr, 10);
+    if (pid > 0 && ::kill(static_cast<pid_t>(pid), 0) != 0 && errno == ESRCH) {
+      fs::remove_all(entry.path(), error);
+    }
+  }
+}
+
+}  // namespace
+
+RunDirectory::RunDirectory(fs::path path)
+    : path_(std::move(path)), partial_(path_ / (kPartial + std::to_string(::getpid()))) {
+  std::error_code error;
+  created_ = fs::create_directories(path_, error);
+  removeLeftovers(path_);
   if (!error && !fs::is_directory(path_)) error = std::make_error_code(std::errc::not_a_directory);
   // A folder of this name can only be left from a killed run whose process id came round again.
   if (!error) fs::remove_all(partial_, error);
@@ -28,6 +52,8 @@ RunDirectory::RunDirectory(fs::path path)
 RunDirectory::~RunDirectory() {
   std::error_code error;
   fs::remove_all(partial_, error);
+  // A run that failed leaves no empty folder behind; remove() refuses one that is not empty.
+  if (created_) fs::remove(path_, error);
 }
 
 fs::path RunDirectory::stage(const std::string& name) {

@@ -8,7 +8,8 @@ namespace vestibule::io {
 
 /// The output folder of a run. Files are written below DIR/.partial-<pid>/ and get their final name
 /// only in commit(), so nothing half-written ever stands under a final name. What was not committed
-/// disappears with the object, also when an exception unwinds.
+/// disappears with the object, also when an exception unwinds; what a killed run left disappears
+/// with the next one in the same folder.
 class RunDirectory {
  public:
   /// Creates DIR where missing. Throws ConfigError naming it when it cannot be created or written.
@@ -32,6 +33,7 @@ class RunDirectory {
   std::filesystem::path path_;
   std::filesystem::path partial_;
   std::vector<std::string> names_;
+  bool created_ = false;  ///< the folder was not there before
 };
 
 }  // namespace vestibule::io

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "vestibule/core/angles.hpp"
 #include "vestibule/core/events.hpp"
 #include "vestibule/core/params.hpp"
 #include "vestibule/nav/command_mux.hpp"
@@ -14,13 +15,13 @@
 namespace vestibule::nav {
 
 struct RecoveryParams {
-  int attempts = 4;             ///< per path leg (waypoint to waypoint); then the mission aborts
-  double wait_s = 1.0;          ///< [s] standing still first: people walk on
-  double back_off_m = 0.6;      ///< [m]
-  double back_off_mps = 0.2;    ///< [m/s]
-  double spin_rad = 1.57;       ///< [rad] every second attempt turns on the spot instead
-  double spin_radps = 0.4;      ///< [rad/s]
-  double step_timeout_s = 8.0;  ///< [s] for each of these motions
+  int attempts = 4;           ///< per path leg (waypoint to waypoint); then the mission aborts
+  double wait_s = 1.0;        ///< [s] standing still first: people walk on
+  double back_off_m = 0.6;    ///< [m]
+  double back_off_mps = 0.2;  ///< [m/s]
+  double spin_rad = degToRad(90.0);    ///< [rad] every second attempt turns on the spot instead
+  double spin_radps = degToRad(23.0);  ///< [rad/s]
+  double step_timeout_s = 8.0;         ///< [s] for each of these motions
 };
 void describe(ParamIo& io, RecoveryParams& params);
 
@@ -29,9 +30,9 @@ struct MissionRunnerParams {
   CommandMuxParams mux;
   ObstacleMemoryParams memory;
   RecoveryParams recovery;
-  double standstill_mps = 0.03;     ///< [m/s] slower than this is standing
-  double standstill_radps = 0.05;   ///< [rad/s]
-  double lost_pose_abort_s = 60.0;  ///< [s] without a valid pose: give up
+  double standstill_mps = 0.03;             ///< [m/s] slower than this is standing
+  double standstill_radps = degToRad(3.0);  ///< [rad/s]
+  double lost_pose_abort_s = 60.0;          ///< [s] without a valid pose: give up
 };
 void describe(ParamIo& io, MissionRunnerParams& params);
 
