@@ -1,5 +1,6 @@
 #include "text.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -125,17 +126,9 @@ Ticks niceTicks(double low, double high, int wanted) {
 }
 
 std::string modeName(Mode mode) {
-  switch (mode) {
-    case Mode::kOutdoor:
-      return "outdoor";
-    case Mode::kIndoor:
-      return "indoor";
-    case Mode::kDeadReckoning:
-      return "dead reckoning";
-    case Mode::kLost:
-      return "lost";
-  }
-  return "unknown";
+  std::string name(toString(mode));
+  std::replace(name.begin(), name.end(), '_', ' ');
+  return name;
 }
 
 }  // namespace vestibule::gui_headless

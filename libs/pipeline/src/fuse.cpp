@@ -7,6 +7,7 @@
 #include "vestibule/ekf/filter.hpp"
 #include "vestibule/geo/tangent_plane.hpp"
 #include "vestibule/metrics/transition.hpp"
+#include "vestibule/pipeline/gnss_input.hpp"
 #include "vestibule/pipeline/time_ordered_queue.hpp"
 
 namespace vestibule::pipeline {
@@ -65,26 +66,17 @@ class Fusion {
 
  private:
   void onFix(const GnssFix& fix) {
-    Eigen::Vector2d p_map_antenna;
     if (const auto* geodetic = std::get_if<Geodetic>(&fix.position)) {
       if (fix.type == GnssFixType::kNone) return;
       if (!plane_) {
         plane_.emplace(*geodetic);
         result.datum = *geodetic;
       }
-      p_map_antenna = plane_->toEnu(*geodetic).head<2>();
-    } else {
-      const auto& local = std::get<LocalPosition>(fix.position);
-      p_map_antenna = {local.east_m, local.north_m};
     }
-    std::optional<Eigen::Matrix2d> cov;
-    if (fix.cov_enu) cov = fix.cov_enu->topLeftCorner<2, 2>();
-    const ekf::UpdateReport report =
-        filter_.processGnss(fix.stamp, p_map_antenna, cov, fix.type, fix.hdop, fix.satellites);
+    const Eigen::Vector2d p_map_antenna = antennaInMap(fix, plane_);
+    const ekf::UpdateReport report = offerFix(filter_, fix, p_map_antenna);
     result.fixes.push_back({p_map_antenna.x(), p_map_antenna.y()});
-    const bool used =
-        report.decision == Decision::kAccepted || report.decision == Decision::kDownWeighted;
-    (used ? result.fixes_accepted : result.fixes_refused) += 1;
+    (wasUsed(report) ? result.fixes_accepted : result.fixes_refused) += 1;
     if (report.reason == "reset") ++result.position_resets;
   }
 

@@ -1,7 +1,10 @@
 #include "vestibule/pipeline/seamless_estimator.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
+
+#include "vestibule/pipeline/gnss_input.hpp"
 
 namespace vestibule::pipeline {
 namespace {
@@ -83,21 +86,7 @@ void SeamlessEstimator::onWheels(const WheelOdometry& wheels) {
 }
 
 void SeamlessEstimator::onFix(const GnssFix& fix) {
-  const auto* geodetic = std::get_if<Geodetic>(&fix.position);
-  Eigen::Vector2d p_map_antenna;
-  if (geodetic != nullptr) {
-    p_map_antenna = plane_.toEnu(*geodetic).head<2>();
-  } else {
-    const auto& local = std::get<LocalPosition>(fix.position);
-    p_map_antenna = {local.east_m, local.north_m};
-  }
-  std::optional<Eigen::Matrix2d> cov;
-  if (fix.cov_enu) cov = fix.cov_enu->topLeftCorner<2, 2>();
-  const ekf::UpdateReport report =
-      gnss_filter_.processGnss(fix.stamp, p_map_antenna, cov, fix.type, fix.hdop, fix.satellites);
-  if (report.decision == Decision::kAccepted || report.decision == Decision::kDownWeighted) {
-    last_fix_ = fix.stamp;
-  }
+  if (wasUsed(offerFix(gnss_filter_, fix, antennaInMap(fix, plane_)))) last_fix_ = fix.stamp;
 }
 
 void SeamlessEstimator::seedParticles() {

@@ -47,7 +47,7 @@ class SeamlessEstimator {
   void seedParticles();
 
   Config config_;
-  geo::TangentPlane plane_;
+  std::optional<geo::TangentPlane> plane_;  // at the site's datum
   const Observers& observers_;
   std::vector<std::shared_ptr<const grid::OccupancyMap>> maps_;
 
