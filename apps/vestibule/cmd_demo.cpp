@@ -165,6 +165,7 @@ class Demo {
   void outdoor() {
     FuseArguments args;
     args.log = shipped("datasets/husky_gnss/test1.bag");
+    args.gap_bar_m = 3.0;
     args.title = "Outdoors, real: GNSS, IMU and wheels";
     RunOutput part(folder("outdoor"), "fuse", {});
     pipeline::FuseResult result;

@@ -70,8 +70,10 @@ gui_headless::ReportSection runFuse(
         figure("position and heading known after", fixed(*result.ready_after_s, 1), "s"));
   }
   if (result.gnss_gap_m) {
+    const char* label = "start-to-end difference to GNSS";
     section.figures.push_back(
-        figureAtMost("start-to-end difference to GNSS", *result.gnss_gap_m, 2, "m", 3.0));
+        args.gap_bar_m > 0.0 ? figureAtMost(label, *result.gnss_gap_m, 2, "m", args.gap_bar_m)
+                             : figure(label, fixed(*result.gnss_gap_m, 2), "m"));
   }
   if (!reference.empty()) {
     metrics::AssociationOptions association;

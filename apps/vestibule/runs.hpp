@@ -34,6 +34,7 @@ struct FuseArguments {
   std::string config;
   std::string csv_mapping;
   std::string reference_tum;
+  double gap_bar_m = 0.0;  ///< of the start-to-end difference to GNSS, shown when > 0
   std::string title;
 };
 [[nodiscard]] gui_headless::ReportSection runFuse(
