@@ -44,7 +44,8 @@ int run(int argc, char** argv) {
   app.footer(
       "Exit codes: 0 done, 1 the run failed its purpose, 2 bad usage or configuration, 3 bad "
       "input.\n"
-      "'vestibule COMMAND --help' explains a command; the manual is in docs/.");
+      "'vestibule COMMAND --help' explains a command; the manual is in docs/.\n"
+      "The wrapper ./vestibule also knows: test (build and run all tests) and build.");
   int exit_code = kDone;
   addDemo(app, exit_code);
   addInfo(app, exit_code);
