@@ -1,4 +1,5 @@
 #include <gmock/gmock.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <sstream>
@@ -96,6 +97,19 @@ TEST(RunDirectory, AnAbandonedRunLeavesNothingAndKeepsTheOldResults) {
   }
   EXPECT_THAT(filesIn(folder), testing::ElementsAre("trajectory.tum"));
   EXPECT_EQ(readFile(folder / "trajectory.tum"), "old");
+}
+
+TEST(RunDirectory, TheNextRunClearsWhatAKilledOneLeft) {
+  const auto folder = testFolder();
+  // No process has the largest id: the kernel's limit is far below.
+  fs::create_directories(folder / ".partial-2147483647");
+  fs::create_directories(folder / (".partial-" + std::to_string(::getppid())));
+  {
+    RunDirectory run(folder);
+    EXPECT_FALSE(fs::exists(folder / ".partial-2147483647"));
+    EXPECT_TRUE(fs::exists(folder / (".partial-" + std::to_string(::getppid()))));
+  }
+  EXPECT_TRUE(fs::exists(folder)) << "a folder that was there before must stay";
 }
 
 TEST(RunDirectory, RefusesWhatItCannotWrite) {
