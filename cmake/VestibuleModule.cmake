@@ -33,3 +33,14 @@ function(vestibule_test name)
     DISCOVERY_MODE PRE_TEST
     PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT ${ARG_TIMEOUT})
 endfunction()
+
+# vestibule_bench(<name> SOURCES ... LINKS ...): a Google Benchmark binary, built with the preset
+# "bench" only; run build/bench/bin/<name>.
+function(vestibule_bench name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;LINKS" ${ARGN})
+  if(NOT VESTIBULE_BENCH)
+    return()
+  endif()
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE ${ARG_LINKS} vestibule::options benchmark::benchmark)
+endfunction()
