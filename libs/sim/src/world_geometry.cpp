@@ -148,9 +148,22 @@ std::vector<Segment> segmentsOf(const World& world) {
   return segments;
 }
 
-WorldGeometry::WorldGeometry(const World& world) : WorldGeometry(segmentsOf(world)) {}
+WorldGeometry::WorldGeometry(const World& world) : WorldGeometry(segmentsOf(world)) {
+  constexpr double kRoof_m = 4.0;
+  for (const Building& building : world.buildings) {
+    if (building.roof) roofs_.push_back({building.shape.outline, kRoof_m});
+    top_m_ = std::max(top_m_, kRoof_m);
+  }
+}
 
 WorldGeometry::WorldGeometry(std::vector<Segment> segments) : segments_(std::move(segments)) {
+  for (const Segment& s : segments_) {
+    if (std::isfinite(s.z_high_m)) top_m_ = std::max(top_m_, s.z_high_m);
+  }
+  fillGrid();
+}
+
+void WorldGeometry::fillGrid() {
   first_.assign(1, 0);
   if (segments_.empty()) return;
   Point2 low = segments_.front().a;
@@ -268,6 +281,89 @@ double WorldGeometry::castRay(
     if (ix < 0 || iy < 0 || ix >= width_ || iy >= height_) break;
   }
   return best;
+}
+
+Moment WorldGeometry::momentAt(double /*time_s*/) const { return {}; }
+
+double WorldGeometry::groundHeight(const Point2& /*p_map*/) const { return 0.0; }
+
+namespace {
+
+/// Where a horizontal ray from the origin along the unit vector (dx, dy) crosses a face [m];
+/// infinite if it does not.
+double crossing(const Segment& s, double ox, double oy, double dx, double dy) {
+  const double ex = s.b.x - s.a.x;
+  const double ey = s.b.y - s.a.y;
+  const double determinant = dx * ey - dy * ex;
+  if (determinant == 0.0) return std::numeric_limits<double>::infinity();
+  const double rx = s.a.x - ox;
+  const double ry = s.a.y - oy;
+  const double range = (rx * ey - ry * ex) / determinant;
+  const double along = (rx * dy - ry * dx) / determinant;
+  const bool met = range >= 0.0 && along >= -1e-9 && along <= 1.0 + 1e-9;
+  return met ? range : std::numeric_limits<double>::infinity();
+}
+
+}  // namespace
+
+RayHit WorldGeometry::castRay(
+    const Moment& moment,
+    const Eigen::Vector3d& p_map_origin,
+    const Eigen::Vector3d& direction_map,
+    double max_range_m) const {
+  RayHit best;
+  best.range_m = max_range_m;
+  const double flat = direction_map.head<2>().norm();
+  if (direction_map.z() < 0.0) {
+    const double range = -p_map_origin.z() / direction_map.z();
+    if (range >= 0.0 && range < best.range_m) {
+      best = {range, true, Material::kGround, std::abs(direction_map.z())};
+    }
+  }
+  if (flat < 1e-9) return best;
+  const double dx = direction_map.x() / flat;
+  const double dy = direction_map.y() / flat;
+  const auto consider = [&](const Segment& s) {
+    const double range = crossing(s, p_map_origin.x(), p_map_origin.y(), dx, dy) / flat;
+    if (range >= best.range_m) return;
+    const double z = p_map_origin.z() + range * direction_map.z();
+    if (z < s.z_low_m || z > s.z_high_m) return;
+    const double ex = s.b.x - s.a.x;
+    const double ey = s.b.y - s.a.y;
+    const double cosine = flat * std::abs(dx * ey - dy * ex) / std::hypot(ex, ey);
+    best = {range, true, s.material, cosine};
+  };
+  for (const Segment& s : segments_) consider(s);
+  for (const Segment& s : moment.faces) consider(s);
+  return best;
+}
+
+SkyPath WorldGeometry::skyPath(
+    const Moment& moment,
+    const Eigen::Vector3d& p_map_antenna,
+    double azimuth_rad,
+    double elevation_rad) const {
+  SkyPath path;
+  const double dx = std::cos(azimuth_rad);
+  const double dy = std::sin(azimuth_rad);
+  const double slope = std::tan(elevation_rad);
+  const auto consider = [&](const Segment& s) {
+    const double range = crossing(s, p_map_antenna.x(), p_map_antenna.y(), dx, dy);
+    const double z = p_map_antenna.z() + range * slope;
+    if (!(z >= s.z_low_m && z <= s.z_high_m)) return;
+    (s.material == Material::kGlass     ? path.glass
+     : s.material == Material::kFoliage ? path.foliage
+                                        : path.wall) = true;
+  };
+  for (const Segment& s : segments_) consider(s);
+  for (const Segment& s : moment.faces) consider(s);
+  for (const Roof& roof : roofs_) {
+    const double range = (roof.height_m - p_map_antenna.z()) / slope;
+    if (range < 0.0) continue;
+    const Point2 p{p_map_antenna.x() + range * dx, p_map_antenna.y() + range * dy};
+    if (geo::contains(roof.outline, p)) path.roof = true;
+  }
+  return path;
 }
 
 template <class DistanceTo>

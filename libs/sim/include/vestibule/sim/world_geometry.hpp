@@ -1,17 +1,60 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <limits>
 #include <vector>
 
 #include "vestibule/core/frames.hpp"
+#include "vestibule/geo/site.hpp"
 
 namespace vestibule::sim {
 
 struct World;
 
+/// What a beam or a satellite signal meets.
+enum class Material {
+  kSolid,
+  kDark,     ///< stops everything, returns little light
+  kGlass,    ///< lets light through more often than not, stops robots
+  kFoliage,  ///< scatters light, weakens satellite signals
+  kGround
+};
+
+/// One upright face: the segment from a to b between two heights [m], map frame.
 struct Segment {
   Point2 a;
   Point2 b;
+  double z_low_m = -std::numeric_limits<double>::infinity();
+  double z_high_m = std::numeric_limits<double>::infinity();
+  Material material = Material::kSolid;
+};
+
+/// Where a ray ends.
+struct RayHit {
+  double range_m = 0.0;  ///< along the ray; the maximum range when nothing was met
+  bool hit = false;
+  Material material = Material::kSolid;
+  double cos_incidence = 1.0;  ///< |cos| of the angle between ray and surface normal
+};
+
+/// What stands between an antenna and a satellite.
+struct SkyPath {
+  bool roof = false;
+  bool wall = false;  ///< solid or dark faces
+  bool glass = false;
+  bool foliage = false;
+  [[nodiscard]] bool clear() const { return !roof && !wall && !glass && !foliage; }
+};
+
+/// A roof plate at one height.
+struct Roof {
+  geo::Polygon outline;
+  double height_m = 4.0;
+};
+
+/// The moving part of the world at one instant: doors on their way, people, vehicles.
+struct Moment {
+  std::vector<Segment> faces;
 };
 
 /// The outlines of everything solid in a world. Circles become 24-gons around the true circle; an
@@ -31,6 +74,26 @@ class WorldGeometry {
   [[nodiscard]] double castRay(
       const Point2& p_map_origin, double angle_rad, double max_range_m) const;
 
+  /// The moving part of the world, `time_s` after the start of the run.
+  [[nodiscard]] Moment momentAt(double time_s) const;
+
+  /// First face or ground along a 3D ray. \pre direction has unit length
+  [[nodiscard]] RayHit castRay(
+      const Moment& moment,
+      const Eigen::Vector3d& p_map_origin,
+      const Eigen::Vector3d& direction_map,
+      double max_range_m) const;
+
+  /// Everything between a point and a satellite. Azimuth counter-clockwise from east [rad].
+  [[nodiscard]] SkyPath skyPath(
+      const Moment& moment,
+      const Eigen::Vector3d& p_map_antenna,
+      double azimuth_rad,
+      double elevation_rad) const;
+
+  /// Height of the ground [m].
+  [[nodiscard]] double groundHeight(const Point2& p_map) const;
+
   /// Distance to the nearest segment [m]; infinite without any.
   [[nodiscard]] double clearance(const Point2& p_map) const;
 
@@ -48,7 +111,11 @@ class WorldGeometry {
   template <class DistanceTo>
   [[nodiscard]] double nearest(const Point2& p, double slack_m, DistanceTo distance_to) const;
 
+  void fillGrid();
+
   std::vector<Segment> segments_;
+  std::vector<Roof> roofs_;
+  double top_m_ = 0.0;  // of everything that can hide a satellite
   Point2 p_corner_;
   double inverse_cell_ = 1.0;
   double cell_m_ = 1.0;
