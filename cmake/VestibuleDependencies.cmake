@@ -39,6 +39,9 @@ foreach(folder IN ITEMS pluginlib class_loader ament_index_cpp rcutils rcpputils
   target_include_directories(vestibule_rosbag SYSTEM INTERFACE /usr/include/${folder})
 endforeach()
 
+find_package(sdformat12 REQUIRED)
+add_library(vestibule_sdformat ALIAS sdformat12::sdformat12)
+
 if(VESTIBULE_TESTS)
   find_package(GTest REQUIRED)
   include(GoogleTest)

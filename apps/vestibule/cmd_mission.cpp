@@ -11,15 +11,6 @@
 namespace vestibule::app {
 namespace {
 
-/// Sensor label of a simulated measurement in a recording.
-const char* labelOf(const Measurement& measurement) {
-  if (std::holds_alternative<WheelOdometry>(measurement)) return "ODOMETRY";
-  if (std::holds_alternative<Imu>(measurement)) return "IMU";
-  if (std::holds_alternative<GnssFix>(measurement)) return "GNSS";
-  if (std::holds_alternative<Heading>(measurement)) return "HEADING";
-  return "LASER";
-}
-
 Json toJson(const pipeline::ErrorFigures& f) {
   Json json;
   json["count"] = f.count;

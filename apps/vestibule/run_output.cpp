@@ -74,6 +74,14 @@ Json toJson(const metrics::Statistics& s, double unit) {
   return json;
 }
 
+const char* labelOf(const Measurement& measurement) {
+  if (std::holds_alternative<WheelOdometry>(measurement)) return "ODOMETRY";
+  if (std::holds_alternative<Imu>(measurement)) return "IMU";
+  if (std::holds_alternative<GnssFix>(measurement)) return "GNSS";
+  if (std::holds_alternative<Heading>(measurement)) return "HEADING";
+  return "LASER";
+}
+
 metrics::Trajectory readPlanarTum(const std::string& path) {
   metrics::Trajectory poses;
   for (const io::StampedPose& p : io::readTum(path)) poses.push_back({p.stamp, toPose2(p.T)});

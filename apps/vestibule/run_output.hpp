@@ -16,6 +16,7 @@
 #include "vestibule/io/run_directory.hpp"
 #include "vestibule/metrics/trajectory.hpp"
 #include "vestibule/pipeline/config.hpp"
+#include "vestibule/sensors/measurements.hpp"
 
 namespace vestibule::app {
 
@@ -64,6 +65,9 @@ class RunOutput {
 [[nodiscard]] double rounded(double value, int decimals);
 
 [[nodiscard]] Json toJson(const metrics::Statistics& s, double unit = 1.0);
+
+/// Sensor label of a simulated measurement in a recording.
+[[nodiscard]] const char* labelOf(const Measurement& measurement);
 
 /// Reads a TUM file as a planar trajectory.
 [[nodiscard]] metrics::Trajectory readPlanarTum(const std::string& path);

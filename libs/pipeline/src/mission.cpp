@@ -207,7 +207,8 @@ MissionResult runMission(
   Timestamp last_compared = begin;
   int ticks = 0;
   while (!runner.finished() && !simulator.collided()) {
-    for (const Measurement& measurement : simulator.step(kTick)) {
+    for (const sim::Delivered& delivered : simulator.step(kTick)) {
+      const Measurement& measurement = delivered.measurement;
       if (hooks.measurement) hooks.measurement(measurement);
       if (const auto* scan = std::get_if<LaserScan>(&measurement)) {
         host.scan_base = endPointsInBase(*scan);

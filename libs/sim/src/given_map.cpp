@@ -1,12 +1,11 @@
 #include "vestibule/sim/given_map.hpp"
 
 #include <algorithm>
-#include <cassert>
 #include <cmath>
 
 #include "vestibule/core/angles.hpp"
 #include "vestibule/core/random.hpp"
-#include "vestibule/sim/sensor_models.hpp"
+#include "vestibule/sim/place_noise.hpp"
 #include "vestibule/sim/world_geometry.hpp"
 
 namespace vestibule::sim {
@@ -106,9 +105,7 @@ class SurveyGrid {
 
 }  // namespace
 
-World worldAtSurvey(const World& world) {
-  assert(world.given_map);
-  const GivenMap& given = *world.given_map;
+World worldAtSurvey(const World& world, const GivenMap& given) {
   World old = world;
   const auto is_removed = [&](const auto& object) {
     return !object.id.empty() &&
@@ -141,18 +138,30 @@ World worldAtSurvey(const World& world) {
       circle.centre = {circle.centre.x + move.by.x, circle.centre.y + move.by.y};
     }
   }
+  old.movers.clear();
+  for (Door& door : old.doors) {
+    door.changes.clear();
+    const auto& changed = given.doors_changed;
+    if (std::find(changed.begin(), changed.end(), door.shape.name) != changed.end()) {
+      door.open = !door.open;
+    }
+  }
   old.boxes.insert(old.boxes.end(), given.boxes.begin(), given.boxes.end());
   old.circles.insert(old.circles.end(), given.circles.begin(), given.circles.end());
   return old;
 }
 
-grid::OccupancyMap surveyMap(const World& world) {
-  assert(world.given_map);
-  const GivenMap& given = *world.given_map;
-  const WorldGeometry geometry(worldAtSurvey(world));
+grid::OccupancyMap surveyMap(const World& world, const GivenMap& given) {
+  const WorldGeometry geometry(worldAtSurvey(world, given));
   const geo::Polygon& outline = buildingOf(world, given.building).shape.outline;
   std::vector<Point2> door_centres;
-  for (const Door& door : world.doors) door_centres.push_back(door.shape.centre());
+  for (const Door& door : world.doors) {
+    constexpr double kOnOutline_m = 0.5;
+    const Point2 centre = door.shape.centre();
+    if (std::abs(geo::signedDistance(outline, centre)) < kOnOutline_m) {
+      door_centres.push_back(centre);
+    }
+  }
   const Pose2 T_grid_map = inverse(given.T_map_grid);
 
   // The picture holds the building and the aprons, with a small margin.

@@ -45,8 +45,8 @@ TEST(Farm, TheSiteDescribesTheWorld) {
   }
   // The survey knows where the map lies to a few centimetres, but not exactly.
   ASSERT_EQ(site.indoor_maps.size(), 1U);
-  const Pose2 error = between(world.given_map->T_map_grid, site.indoor_maps[0].T_map_grid);
-  const Pose2 T_grid_stable = between(world.given_map->T_map_grid, Pose2{15.0, 7.0, 0.0});
+  const Pose2 error = between(givenMapOf(world).T_map_grid, site.indoor_maps[0].T_map_grid);
+  const Pose2 T_grid_stable = between(givenMapOf(world).T_map_grid, Pose2{15.0, 7.0, 0.0});
   const Point2 p = transform(error, {T_grid_stable.x, T_grid_stable.y});
   const double off_m = std::hypot(p.x - T_grid_stable.x, p.y - T_grid_stable.y);
   EXPECT_GT(off_m, 0.015);
@@ -56,7 +56,7 @@ TEST(Farm, TheSiteDescribesTheWorld) {
 
 TEST(Farm, TheShippedMapIsTheSurveyOfTheWorld) {
   const World world = farm();
-  const grid::OccupancyMap map = surveyMap(world);
+  const grid::OccupancyMap map = surveyMap(world, givenMapOf(world));
   const cv::Mat made = mapPicture(map);
   const cv::Mat shipped = cv::imread(kRoot + "/maps/farm/stable.pgm", cv::IMREAD_GRAYSCALE);
   ASSERT_EQ(shipped.size(), made.size()) << "make it anew with survey_map";
@@ -65,7 +65,7 @@ TEST(Farm, TheShippedMapIsTheSurveyOfTheWorld) {
   EXPECT_LE(cv::countNonZero(differ), 50) << "make it anew with survey_map";
 
   const YAML::Node yaml = YAML::LoadFile(kRoot + "/maps/farm/stable.yaml");
-  const Pose2 origin = mapOrigin(map, world.given_map->T_map_grid);
+  const Pose2 origin = mapOrigin(map, givenMapOf(world).T_map_grid);
   EXPECT_EQ(yaml["image"].as<std::string>(), "stable.pgm");
   EXPECT_NEAR(yaml["resolution"].as<double>(), map.resolution(), 1e-6);
   EXPECT_NEAR(yaml["origin"][0].as<double>(), origin.x, 1e-3);
@@ -75,7 +75,7 @@ TEST(Farm, TheShippedMapIsTheSurveyOfTheWorld) {
 
 TEST(Farm, TheMapHasItsWallsInPlaceAndItsFurnitureMoved) {
   const World world = farm();
-  const grid::OccupancyMap map = surveyMap(world);
+  const grid::OccupancyMap map = surveyMap(world, givenMapOf(world));
   const auto occupied_near = [&](const Point2& p) {
     for (double dx = -0.05; dx <= 0.051; dx += 0.05) {
       for (double dy = -0.05; dy <= 0.051; dy += 0.05) {
@@ -103,8 +103,8 @@ TEST(Farm, TheMapHasItsWallsInPlaceAndItsFurnitureMoved) {
 
 TEST(Farm, TheMappingRobotDroveThroughNothing) {
   const World world = farm();
-  const WorldGeometry geometry(worldAtSurvey(world));
-  for (const auto& path : world.given_map->survey_paths) {
+  const WorldGeometry geometry(worldAtSurvey(world, givenMapOf(world)));
+  for (const auto& path : givenMapOf(world).survey_paths) {
     for (std::size_t i = 0; i + 1 < path.size(); ++i) {
       for (double s = 0.0; s <= 1.0; s += 0.01) {
         const Point2 p{

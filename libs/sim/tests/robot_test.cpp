@@ -10,15 +10,15 @@
 namespace vestibule::sim {
 namespace {
 
-SkidSteerParams withoutSlip() {
-  SkidSteerParams params;
+RobotParams withoutSlip() {
+  RobotParams params;
   params.grip_left = params.grip_right = 1.0;
   params.slip_sigma = params.side_slip = params.burst_rate_hz = 0.0;
   return params;
 }
 
 /// Drives on the true ground without a world.
-void drive(SkidSteerRobot& robot, double seconds) {
+void drive(GroundRobot& robot, double seconds) {
   const auto n = static_cast<int>(std::lround(seconds / toSeconds(kTruthStep)));
   for (int i = 0; i < n; ++i) {
     const Pose2 step = robot.advance(kTruthStep);
@@ -27,8 +27,8 @@ void drive(SkidSteerRobot& robot, double seconds) {
 }
 
 TEST(SkidSteer, SpinsAboutItsInstantaneousCentre) {
-  const SkidSteerParams params = withoutSlip();
-  SkidSteerRobot robot(params, {1.0, 2.0, 0.3}, 1);
+  const RobotParams params = withoutSlip();
+  GroundRobot robot(params, {1.0, 2.0, 0.3}, 1);
   // With opposite wheel speeds v_x / omega is the middle of the tread ICRs.
   const Point2 p_base_centre{params.icr_x_m, 0.5 * (params.icr_left_m + params.icr_right_m)};
   const Point2 before = transform(robot.pose(), p_base_centre);
@@ -45,19 +45,19 @@ TEST(SkidSteer, SpinsAboutItsInstantaneousCentre) {
 }
 
 TEST(SkidSteer, FollowsTheWheelLagAndTheAccelerationLimit) {
-  SkidSteerParams params = withoutSlip();
+  RobotParams params = withoutSlip();
   params.max_accel_mps2 = 1e6;
-  SkidSteerRobot fast(params, {}, 1);
+  GroundRobot fast(params, {}, 1);
   fast.command(0.8, 0.0);
   drive(fast, 2.0);
   // The integral of a first-order step response: v (t - lag (1 - exp(-t / lag))).
-  EXPECT_NEAR(fast.pose().x, 0.8 * (2.0 - 0.15), 0.003);
+  EXPECT_NEAR(fast.pose().x, 0.8 * (2.0 - 0.15 - 0.02), 0.003);
 
   params.max_accel_mps2 = 0.5;
-  SkidSteerRobot slow(params, {}, 1);
+  GroundRobot slow(params, {}, 1);
   slow.command(5.0, 0.0);  // limited to max_v_mps
   drive(slow, 10.0);
-  EXPECT_NEAR(slow.pose().x, 1.0 * (10.0 - 1.0 - 0.15), 0.01);
+  EXPECT_NEAR(slow.pose().x, 1.0 * (10.0 - 1.0 - 0.15 - 0.02), 0.01);
   slow.command(0.0, 0.0);
   drive(slow, 5.0);
   const Pose2 stopped = slow.pose();
@@ -66,12 +66,12 @@ TEST(SkidSteer, FollowsTheWheelLagAndTheAccelerationLimit) {
 }
 
 TEST(SkidSteer, SlipMakesTheWheelsOverCountAndVariesWithTheSeed) {
-  const SkidSteerParams params;
+  const RobotParams params;
   double sum = 0.0;
   double sum2 = 0.0;
   constexpr int kSeeds = 40;
   for (std::uint64_t seed = 0; seed < kSeeds; ++seed) {
-    SkidSteerRobot robot(params, {}, seed);
+    GroundRobot robot(params, {}, seed);
     robot.command(0.8, 0.0);
     drive(robot, 30.0);
     const double wheels_m = 0.5 * (robot.leftTravel() + robot.rightTravel());

@@ -19,7 +19,7 @@ World yard() {
   world.datum = {36.8, -2.4, 20.0};
   world.walls.push_back({"", {{-10, -10}, {20, -10}, {20, 10}, {-10, 10}}, true});
   world.boxes.push_back({"", {8.0, 3.0}, 2.0, 1.0, 0.3});
-  world.buildings.push_back({{"shed", {{12, -10}, {20, -10}, {20, 0}, {12, 0}}}, true});
+  world.buildings.push_back({{"shed", {{12, -10}, {20, -10}, {20, 0}, {12, 0}}}, true, 4.0, {}});
   return world;
 }
 
@@ -48,7 +48,7 @@ struct Printer {
 };
 
 struct Record {
-  std::string wheels, imu, gnss, lidar, truth;
+  std::string wheels, imu, compass, gnss, lidar, truth;
 };
 
 Record record(const SimParams& params, std::uint64_t seed) {
@@ -58,12 +58,13 @@ Record record(const SimParams& params, std::uint64_t seed) {
   truth.precision(17);
   for (int i = 0; i < 200; ++i) {
     simulator.command(0.6, i < 100 ? 0.3 : -0.4);
-    for (const Measurement& m : simulator.step(20ms)) {
+    for (const Delivered& delivered : simulator.step(20ms)) {
+      const Measurement& m = delivered.measurement;
       std::ostringstream out;
       out.precision(17);
       std::visit(Printer{out}, m);
       std::string* const texts[] = {
-          &record.wheels, &record.imu, nullptr, &record.gnss, &record.lidar};
+          &record.wheels, &record.imu, &record.compass, &record.gnss, &record.lidar};
       *texts[m.index()] += out.str();
     }
     truth << simulator.truth().x << ' ' << simulator.truth().y << ' ' << simulator.truth().phi
@@ -94,6 +95,7 @@ TEST(Simulator, SensorsDoNotDisturbEachOther) {
   const Record a = record(params, 5);
   params.lidar.beams = 91;
   params.gnss.receiver = GnssClass::kSingle;
+  params.compass.enabled = true;
   const Record b = record(params, 5);
   EXPECT_EQ(a.truth, b.truth);
   EXPECT_EQ(a.wheels, b.wheels);
@@ -107,11 +109,13 @@ TEST(Simulator, DeliversEverySensorAtItsRateInOrder) {
   std::vector<int> counts(std::variant_size_v<Measurement>);
   Timestamp last = kStartOfTime;
   for (int i = 0; i < 20; ++i) {
-    for (const Measurement& m : simulator.step(50ms)) {
+    for (const Delivered& delivered : simulator.step(50ms)) {
+      const Measurement& m = delivered.measurement;
       ++counts[m.index()];
-      EXPECT_GE(stampOf(m), last);
-      EXPECT_LE(stampOf(m), simulator.time());
-      last = stampOf(m);
+      EXPECT_GE(delivered.arrival, last);
+      EXPECT_LE(delivered.arrival, simulator.time());
+      EXPECT_LE(stampOf(m), delivered.arrival);
+      last = delivered.arrival;
     }
   }
   EXPECT_EQ(simulator.time(), kStartOfTime + 1s);
@@ -121,15 +125,16 @@ TEST(Simulator, DeliversEverySensorAtItsRateInOrder) {
 TEST(Simulator, GyroAndAccelerometerFeelTheTrueMotion) {
   SimParams params;
   params.imu = {};
-  params.imu.gyro_noise = params.imu.gyro_bias_sigma = params.imu.gyro_bias_walk = 0.0;
-  params.imu.accel_noise = params.imu.accel_bias_sigma = params.imu.accel_bias_walk = 0.0;
+  params.imu.gyro = params.imu.accel = {};
+  params.imu.p_base_imu = {0.0, 0.0, 0.0};
   Simulator simulator(yard(), params, {}, 1);
   simulator.command(0.8, 0.5);
   double turn_rad = 0.0;
   Eigen::Vector3d v_map = Eigen::Vector3d::Zero();
   double yaw_rad = 0.0;
   for (int i = 0; i < 300; ++i) {
-    for (const Measurement& m : simulator.step(10ms)) {
+    for (const Delivered& delivered : simulator.step(10ms)) {
+      const Measurement& m = delivered.measurement;
       if (const auto* imu = std::get_if<Imu>(&m)) {
         turn_rad += 0.01 * imu->omega_radps.z();
         // Integrate the specific force in map axes: it must give the velocity back.
@@ -154,12 +159,12 @@ TEST(Simulator, GnssMeasuresTheAntennaAndTheLidarItsOwnPlace) {
   params.rig.p_base_antenna = {1.0, 2.0};
   params.rig.T_base_laser = {0.5, 0.0, kPi / 2};
   params.gnss.fixed_sigma_m = 1e-6;
-  params.gnss.multipath_m = 0.0;
-  params.lidar.sigma_m = params.lidar.drop_out = params.lidar.outliers = 0.0;
+  params.lidar.echo.sigma_m = params.lidar.echo.drop_out = params.lidar.echo.outliers = 0.0;
   params.lidar.beams = 3;
   params.lidar.field_of_view_rad = kPi;
   Simulator simulator(yard(), params, {1.0, 0.0, kPi / 2}, 1);
-  for (const Measurement& m : simulator.step(200ms)) {
+  for (const Delivered& delivered : simulator.step(200ms)) {
+    const Measurement& m = delivered.measurement;
     if (const auto* fix = std::get_if<GnssFix>(&m)) {
       const Eigen::Vector3d enu =
           geo::TangentPlane(yard().datum).toEnu(std::get<Geodetic>(fix->position));

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
 #include "vestibule/core/angles.hpp"
@@ -143,11 +144,7 @@ TEST(World, NamesEveryProblemWithItsLine) {
         "boxes:\n"
         "  - {id: a, centre: [0, 0], size: [1, -1]}\n"
         "circles:\n"
-        "  - {center: [0, 0], radius_m: 1}\n"
-        "given_map:\n"
-        "  building: stable\n"
-        "  removed: [ghost]\n"
-        "  survey_paths: [{points: [[0, 0], [1, 0]]}]\n",
+        "  - {center: [0, 0], radius_m: 1}\n",
         "farm.yaml");
     FAIL() << "accepted";
   } catch (const ConfigError& e) {
@@ -156,8 +153,6 @@ TEST(World, NamesEveryProblemWithItsLine) {
     EXPECT_THAT(e.what(), HasSubstr("farm.yaml:6: boxes[0].size"));
     EXPECT_THAT(e.what(), HasSubstr("id a is used twice"));
     EXPECT_THAT(e.what(), HasSubstr("farm.yaml:8: circles[0].center: unknown key"));
-    EXPECT_THAT(e.what(), HasSubstr("no object has the id ghost"));
-    EXPECT_THAT(e.what(), HasSubstr("no building is named stable"));
   }
 }
 
@@ -167,8 +162,157 @@ TEST(World, KnowsItsRoofs) {
       "  - {name: a, outline: [[0, 0], [10, 0], [10, 5], [0, 5]]}\n"
       "  - {name: yard, outline: [[20, 0], [30, 0], [30, 5], [20, 5]], roof: false}\n",
       "w.yaml");
-  EXPECT_DOUBLE_EQ(distanceToRoofs(world, {5, 1}), -1.0);
-  EXPECT_DOUBLE_EQ(distanceToRoofs(world, {25, 1}), 15.0);
+  const WorldGeometry geometry(world);
+  EXPECT_DOUBLE_EQ(geometry.distanceToRoofs({5, 1}), -1.0);
+  EXPECT_DOUBLE_EQ(geometry.distanceToRoofs({25, 1}), 15.0);
+}
+
+/// What loadWorld says about a file with this text after name and datum.
+std::string refusal(const std::string& yaml) {
+  const std::string path = ::testing::TempDir() + "sim_refused.yaml";
+  std::ofstream(path) << "name: w\ndatum: [36.8, -2.4, 20]\n" << yaml;
+  try {
+    (void)loadWorld(path);
+  } catch (const std::exception& e) {
+    return e.what();
+  }
+  return "accepted";
+}
+
+TEST(World, RefusesWhatCannotStand) {
+  const std::string house =
+      "buildings:\n  - {name: a, outline: [[0, 0], [8, 0], [8, 5], [0, 5]]}\n";
+  EXPECT_THAT(
+      refusal(house + "doors:\n  - {name: d, from: [3, 2], to: [4, 2]}\n"),
+      HasSubstr("sim_refused.yaml:6: door d: is not on a wall"));
+  EXPECT_EQ(refusal(house + "doors:\n  - {name: d, from: [3, 0], to: [4, 0]}\n"), "accepted");
+  EXPECT_THAT(
+      refusal(house + "  - {name: b, outline: [[7, 4], [12, 4], [12, 9], [7, 9]]}\n"),
+      HasSubstr("sim_refused.yaml:5: building b: its roof overlaps that of a"));
+  EXPECT_THAT(
+      refusal(house + "  - {name: b, outline: [[1, 1], [2, 1], [2, 2], [1, 2]]}\n"),
+      HasSubstr("its roof overlaps that of a"));
+  EXPECT_EQ(
+      refusal(house + "  - {name: b, outline: [[8, 0], [12, 0], [12, 5], [8, 5]]}\n"), "accepted")
+      << "outlines may touch";
+  EXPECT_THAT(
+      refusal("buildings:\n  - {name: a, outline: [[0, 0], [8, 5], [8, 0], [0, 5]]}\n"),
+      HasSubstr("sim_refused.yaml:4: building a: its outline crosses itself"));
+  EXPECT_THAT(
+      refusal("circles:\n  - {centre: [0, 0], radius_m: -1}\n"),
+      HasSubstr("sim_refused.yaml:4: circles[0].radius_m"));
+  EXPECT_THAT(
+      refusal("occupancy_image: {image: nowhere.png, resolution_m: 0.05}\n"),
+      HasSubstr("nowhere.png: cannot read"));
+  EXPECT_THAT(
+      refusal("height_field: {image: nowhere.png}\n"), HasSubstr("nowhere.png: no such file"));
+  EXPECT_THAT(
+      refusal(
+          house +
+          "given_maps:\n  - {name: m, building: b, removed: [ghost], survey_paths: [{points: [[0, "
+          "0], [1, 0]]}]}\n"),
+      ::testing::AllOf(
+          HasSubstr("sim_refused.yaml:6: given map m: removed: no object has the id ghost"),
+          HasSubstr("given map m: building: no building is named b")));
+  EXPECT_THAT(
+      refusal(
+          house + "doors:\n  - {name: d, from: [3, 0], to: [4, 0], changes: [{at_s: 9}, {at_s: "
+                  "5}]}\n"),
+      HasSubstr("sim_refused.yaml:6: doors[0].changes: must be in the order of time"));
+}
+
+TEST(World, DoorsSlideAndPeopleWalkByTheClock) {
+  World world;
+  world.doors.push_back(
+      {{"gate", {5, -1}, {5, 1}}, true, 2.2, {{10.0, false, 2.0}, {20.0, true, 2.0}}, {}});
+  Mover person;
+  person.path = {{-5, 0}, {-15, 0}};
+  person.start_s = 4.0;
+  person.pause_s = 2.0;
+  world.movers.push_back(person);
+  const WorldGeometry geometry(world);
+  const auto ahead = [&](double time_s, const Eigen::Vector3d& direction) {
+    return geometry.castRay(geometry.momentAt(time_s), {0, 0.5, 0.4}, direction, 30.0).range_m;
+  };
+  const Eigen::Vector3d east = Eigen::Vector3d::UnitX();
+  EXPECT_EQ(ahead(9.9, east), 30.0);
+  EXPECT_EQ(ahead(11.0, east), 30.0) << "half closed: the leaf ends at y = 0";
+  EXPECT_NEAR(ahead(11.8, east), 5.0, 1e-9) << "it ends at y = 0.8";
+  EXPECT_NEAR(ahead(15.0, east), 5.0, 1e-9);
+  EXPECT_EQ(ahead(22.0, east), 30.0);
+  const auto person_at = [&](double time_s) {
+    return geometry.castRay(geometry.momentAt(time_s), {0, 0, 0.4}, -east, 30.0).range_m;
+  };
+  EXPECT_NEAR(person_at(3.0), 4.75, 0.03);
+  EXPECT_NEAR(person_at(9.0), 9.75, 0.03);
+  EXPECT_NEAR(person_at(15.0), 14.75, 0.03) << "pauses at the end";
+  EXPECT_NEAR(person_at(21.0), 9.75, 0.03) << "on its way back";
+}
+
+TEST(World, RaysKnowHeights) {
+  World world;
+  Wall wall{"", {{5, -5}, {5, 5}}, false, 2.0};
+  world.walls.push_back(wall);
+  wall.points = {{8, -5}, {8, 5}};
+  wall.base_m = 1.0;
+  world.walls.push_back(wall);
+  const WorldGeometry geometry(world);
+  const auto range = [&](double z, double climb) {
+    return geometry.castRay({}, {0, 0, z}, Eigen::Vector3d(1, 0, climb).normalized(), 40.0);
+  };
+  EXPECT_NEAR(range(0.4, 0.0).range_m, 5.0, 1e-9);
+  EXPECT_NEAR(range(2.2, 0.0).range_m, 8.0, 1e-9) << "above the first, below the top of the other";
+  EXPECT_FALSE(range(3.2, 0.0).hit);
+  const RayHit ground = range(0.4, -0.1);
+  EXPECT_EQ(ground.material, Material::kGround);
+  EXPECT_NEAR(ground.range_m, std::hypot(4.0, 0.4), 1e-9);
+  // A satellite in the east: hidden by the wall up to atan((2 - 1) / 5) and by the upper one
+  // between.
+  EXPECT_TRUE(geometry.skyPath({}, {0, 0, 1.0}, 0.0, 0.15).wall);
+  EXPECT_TRUE(geometry.skyPath({}, {0, 0, 1.0}, 0.0, 0.24).wall);
+  EXPECT_FALSE(geometry.skyPath({}, {0, 0, 1.0}, 0.0, 0.30).wall);
+  EXPECT_TRUE(geometry.skyPath({}, {0, 0, 1.0}, kPi, 0.15).clear());
+}
+
+TEST(World, RampsAndPlatesRaiseTheGround) {
+  const auto world = parseParams<World>(
+      "name: w\ndatum: [36.8, -2.4, 20]\n"
+      "ramps: [{from: [2, 0], to: [6, 0], width_m: 3, rise_m: 1}]\n"
+      "plates: [{outline: [[6, -2], [9, -2], [9, 2], [6, 2]], height_m: 1}]\n",
+      "w.yaml");
+  const WorldGeometry geometry(world);
+  EXPECT_DOUBLE_EQ(geometry.groundHeight({0, 0}), 0.0);
+  EXPECT_DOUBLE_EQ(geometry.groundHeight({4, 1}), 0.5);
+  EXPECT_DOUBLE_EQ(geometry.groundHeight({4, 1.6}), 0.0);
+  EXPECT_DOUBLE_EQ(geometry.groundHeight({8, 1}), 1.0);
+  // A level beam 0.5 m high meets the ramp in its middle.
+  EXPECT_NEAR(geometry.castRay({}, {0, 0, 0.5}, Eigen::Vector3d::UnitX(), 30.0).range_m, 4.0, 1e-3);
+}
+
+TEST(World, TakesTheWallsOfOtherFormats) {
+  const std::string folder = ::testing::TempDir();
+  cv::Mat picture(20, 40, CV_8UC1, cv::Scalar(254));
+  picture.colRange(10, 12).setTo(0);
+  ASSERT_TRUE(cv::imwrite(folder + "sim_import.pgm", picture));
+  std::ofstream(folder + "sim_import.yaml")
+      << "image: sim_import.pgm\nresolution: 0.1\norigin: [2.0, 0, 0]\nnegate: 0\n"
+         "occupied_thresh: 0.65\nfree_thresh: 0.196\n";
+  std::ofstream(folder + "sim_import.world") << R"(<?xml version="1.0"?>
+<sdf version="1.6"><world name="w">
+<model name="crate"><pose>5 0 0.5 0 0 1.5707963</pose><static>1</static><link name="l">
+<collision name="c"><geometry><box><size>2 1 1</size></box></geometry></collision></link></model>
+<model name="post"><pose>0 5 1 0 0 0</pose><link name="l">
+<collision name="c"><geometry><cylinder><radius>1</radius><length>2</length></cylinder></geometry>
+</collision></link></model>
+</world></sdf>)";
+  std::ofstream(folder + "sim_imports.yaml")
+      << "name: w\ndatum: [36.8, -2.4, 20]\nmap_server: {yaml: sim_import.yaml, T_map_grid: [0, "
+         "-20, 0]}\nsdf: sim_import.world\n";
+  const WorldGeometry geometry(loadWorld(folder + "sim_imports.yaml"));
+  EXPECT_NEAR(geometry.castRay({2.5, -19.0}, 0.0, 30.0), 0.5, 1e-9);
+  EXPECT_NEAR(geometry.castRay({0, 0}, 0.0, 30.0), 4.5, 1e-6);
+  EXPECT_NEAR(geometry.castRay({0, 0}, kPi / 2, 30.0), 4.0, 0.01);
+  EXPECT_EQ(geometry.castRay({0, 0}, 0.0, 30.0, 1.5), 30.0) << "the crate is 1 m high";
 }
 
 }  // namespace

@@ -62,6 +62,7 @@ struct LaserScan {
   Timestamp stamp;
   double angle_min_rad = 0.0;
   double angle_step_rad = 0.0;
+  double time_increment_s = 0.0;  ///< beam i was measured at stamp + i * this; 0 = all at once
   double range_min_m = 0.0;
   double range_max_m = 0.0;     ///< a range at or beyond this is "no echo"
   std::vector<float> ranges_m;  ///< NaN or infinite = no echo
@@ -77,6 +78,18 @@ struct LaserScan {
   [[nodiscard]] double angle(std::size_t i) const {
     return angle_min_rad + static_cast<double>(i) * angle_step_rad;
   }
+};
+
+/// One turn of a lidar with several rings. Not a Measurement: no estimator takes it yet.
+struct LidarSweep {
+  struct Point {
+    Eigen::Vector3f p_laser;     ///< [m], axes of the sensor at the stamp of the point
+    float time_offset_s = 0.0F;  ///< after the sweep's stamp
+    int ring = 0;                ///< from the lowest
+  };
+  Timestamp stamp;  ///< of the first point
+  Pose3 T_base_laser;
+  std::vector<Point> points;  ///< only beams with an echo, by time, then ring
 };
 
 using Measurement = std::variant<WheelOdometry, Imu, Heading, GnssFix, LaserScan>;

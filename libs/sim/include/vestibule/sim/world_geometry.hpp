@@ -2,10 +2,12 @@
 
 #include <Eigen/Core>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "vestibule/core/frames.hpp"
 #include "vestibule/geo/site.hpp"
+#include "vestibule/sim/ground.hpp"
 
 namespace vestibule::sim {
 
@@ -61,18 +63,26 @@ struct Moment {
 /// occupancy image becomes its cell edges. Throws InputError when that image cannot be read.
 [[nodiscard]] std::vector<Segment> segmentsOf(const World& world);
 
-/// Line segments in a uniform bucket grid: exact ray casts and distances, no rasterisation.
-/// Immutable; may be shared between threads.
+/// Upright faces in a uniform bucket grid, ground and roofs: exact ray casts and distances, no
+/// rasterisation. Immutable; may be shared between threads.
 class WorldGeometry {
  public:
   explicit WorldGeometry(std::vector<Segment> segments);
+  /// Keeps its own copy of what it needs of the world.
   explicit WorldGeometry(const World& world);
+  ~WorldGeometry();
+  WorldGeometry(const WorldGeometry&) = delete;
+  WorldGeometry& operator=(const WorldGeometry&) = delete;
 
   [[nodiscard]] const std::vector<Segment>& segments() const { return segments_; }
 
-  /// Distance to the first segment along the ray, or `max_range_m` when none is nearer.
+  /// Distance to the first face that a level ray at this height meets, or `max_range_m` when none
+  /// is nearer. The ground does not count.
   [[nodiscard]] double castRay(
-      const Point2& p_map_origin, double angle_rad, double max_range_m) const;
+      const Point2& p_map_origin,
+      double angle_rad,
+      double max_range_m,
+      double height_m = 0.4) const;
 
   /// The moving part of the world, `time_s` after the start of the run.
   [[nodiscard]] Moment momentAt(double time_s) const;
@@ -93,29 +103,50 @@ class WorldGeometry {
 
   /// Height of the ground [m].
   [[nodiscard]] double groundHeight(const Point2& p_map) const;
+  [[nodiscard]] bool flat() const;  ///< whether the ground is at 0 everywhere
+  [[nodiscard]] const GroundClass& groundAt(const Point2& p_map) const;
+  /// Signed distance to the nearest roof [m]; negative = under it. Large without any.
+  [[nodiscard]] double distanceToRoofs(const Point2& p_map) const;
 
   /// Distance to the nearest segment [m]; infinite without any.
   [[nodiscard]] double clearance(const Point2& p_map) const;
 
-  /// Distance from a rectangle centred on the pose to the nearest segment [m]; 0 on contact.
+  /// Distance from a rectangle centred on the pose to the nearest face in the robot's way [m]; 0 on
+  /// contact.
   [[nodiscard]] double footprintClearance(
-      const Pose2& T_map_base, double half_length_m, double half_width_m) const;
-  /// Whether an outline crosses that rectangle.
+      const Pose2& T_map_base,
+      double half_length_m,
+      double half_width_m,
+      const Moment& moment = {}) const;
+  /// Whether a face crosses that rectangle.
   [[nodiscard]] bool footprintCollides(
-      const Pose2& T_map_base, double half_length_m, double half_width_m) const;
+      const Pose2& T_map_base,
+      double half_length_m,
+      double half_width_m,
+      const Moment& moment = {}) const;
 
  private:
   struct Line {
     double ax, ay, dx, dy;  // from a, along d to b
+    double z_low, z_high;
+    Material material;
+    bool in_the_way;  // of the robot
   };
+  struct Dynamics;
+  void fillGrid();
+  [[nodiscard]] Line lineOf(const Segment& segment) const;
+  template <class Visit>
+  void walk(double ox, double oy, double dx, double dy, const double& limit_m, Visit visit) const;
   template <class DistanceTo>
   [[nodiscard]] double nearest(const Point2& p, double slack_m, DistanceTo distance_to) const;
-
-  void fillGrid();
+  [[nodiscard]] double groundRange(
+      const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double max_range_m) const;
 
   std::vector<Segment> segments_;
+  std::vector<Line> all_lines_;  // one per segment
   std::vector<Roof> roofs_;
-  double top_m_ = 0.0;  // of everything that can hide a satellite
+  std::unique_ptr<const Dynamics> dynamics_;  // doors, movers, ground; empty for bare segments
+  double top_m_ = 0.0;                        // of everything that can hide a satellite
   Point2 p_corner_;
   double inverse_cell_ = 1.0;
   double cell_m_ = 1.0;
