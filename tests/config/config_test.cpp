@@ -19,6 +19,7 @@
 #include "vestibule/io/csv_mapping.hpp"
 #include "vestibule/io/map_io.hpp"
 #include "vestibule/pipeline/mission.hpp"
+#include "vestibule/sim/scenario.hpp"
 #include "vestibule/sim/simulator.hpp"
 #include "vestibule/sim/world.hpp"
 
@@ -100,6 +101,8 @@ const std::vector<std::pair<std::string, std::function<void(const std::string&)>
   static const std::vector<std::pair<std::string, std::function<void(const std::string&)>>> kAll{
       {"config/csv", [](const std::string& path) { (void)loadParams<io::CsvMapping>(path); }},
       {"config/sim", [](const std::string& path) { (void)loadParams<sim::SimParams>(path); }},
+      {"config/scenarios",
+       [](const std::string& path) { (void)sim::loadScenario(path, shipped("config/scenarios")); }},
       {"config/sites", [](const std::string& path) { (void)geo::loadSite(path); }},
       {"config/worlds", [](const std::string& path) { (void)sim::loadWorld(path); }},
       {"config/missions",

@@ -110,7 +110,7 @@ TEST(Scenario, IncidentsHappenWhenTheyShould) {
     if (before_s > 5.4 && before_s < 6.0) {
       EXPECT_GT(T.x, 90.0);
     }
-    EXPECT_EQ(all.empty(), before_s > 11.9 && before_s < 14.9) << before_s;
+    EXPECT_EQ(all.empty(), before_s > 11.9 && before_s < 14.4) << before_s;
     for (const Delivered& d : all) {
       const auto* fix = std::get_if<GnssFix>(&d.measurement);
       if (fix == nullptr) continue;
