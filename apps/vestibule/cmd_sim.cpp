@@ -147,10 +147,10 @@ void rename(const std::string& from, const std::string& to) {
 void runSim(const Arguments& args, int& exit_code) {
   const std::string folder = shipped("config/scenarios");
   if (args.list) {
-    std::vector<std::vector<std::string>> rows{{"scenario", "set", "what happens"}};
+    std::vector<std::vector<std::string>> rows{{"scenario", "set", "world"}};
     for (const std::string& name : sim::scenarioNames(folder)) {
       const sim::Scenario scenario = sim::loadScenario(name, folder);
-      rows.push_back({name, scenario.set, scenario.description});
+      rows.push_back({name, scenario.set, scenario.world.name});
     }
     std::fputs(textTable(rows).c_str(), stdout);
     return;
@@ -186,7 +186,7 @@ void runSim(const Arguments& args, int& exit_code) {
     output->text("scenario.resolved.yaml", sim::dumpScenario(scenario));
     gui_headless::Report report;
     report.title = "Vestibule: sim";
-    report.subtitle = scenario.description;
+    report.subtitle = scenario.name + " in the world " + scenario.world.name;
     report.command_line =
         "vestibule sim --scenario " + args.scenario + " --seed " + std::to_string(args.seed);
     report.sections.push_back(describeDrive(scenario, d, *output));

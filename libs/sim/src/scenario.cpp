@@ -88,7 +88,6 @@ void describeScenario(ParamIo& io, Scenario& scenario, const fs::path& folder) {
   if (scenario.set != "filter" && scenario.set != "map" && scenario.set != "door") {
     io.problem("set", "must be filter, map or door");
   }
-  io.optional("description", scenario.description);
   io.required("world", scenario.world_path);
   scenario.world_path = resolved(scenario.world_path);
   io.optional("site", scenario.site_path);
@@ -186,6 +185,7 @@ double ScenarioRun::progress() const {
 }
 
 bool ScenarioRun::finished() const {
+  if (simulator_.collided()) return true;
   if (scenario_.duration_s && elapsed() >= *scenario_.duration_s - 1e-9) return true;
   return !scenario_.drive.empty() && follower_.finished();
 }

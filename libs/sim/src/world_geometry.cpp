@@ -425,14 +425,8 @@ RayHit WorldGeometry::castRay(
     const Eigen::Vector3d& direction_map,
     double max_range_m) const {
   RayHit best;
-  best.range_m = groundRange(p_map_origin, direction_map, max_range_m);
-  if (best.range_m < max_range_m) {
-    best.hit = true;
-    best.material = Material::kGround;
-    best.cos_incidence = std::abs(direction_map.z());
-  }
-  const double flat = direction_map.head<2>().norm();
-  if (flat < 1e-9) return best;
+  best.range_m = max_range_m;
+  const double flat = std::max(direction_map.head<2>().norm(), 1e-9);
   const double dx = direction_map.x() / flat;
   const double dy = direction_map.y() / flat;
   const double climb = direction_map.z() / flat;
@@ -452,6 +446,14 @@ RayHit WorldGeometry::castRay(
     const Line line = lineOf(face);
     const double range = crossing(line, p_map_origin.x(), p_map_origin.y(), dx, dy);
     if (range < limit_m) consider(line, range);
+  }
+  // The ground last: a march over terrain need only go as far as the nearest face.
+  const double ground_m = groundRange(p_map_origin, direction_map, best.range_m);
+  if (ground_m < best.range_m) {
+    best.range_m = ground_m;
+    best.hit = true;
+    best.material = Material::kGround;
+    best.cos_incidence = std::abs(direction_map.z());
   }
   return best;
 }

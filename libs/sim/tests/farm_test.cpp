@@ -73,6 +73,32 @@ TEST(Farm, TheShippedMapIsTheSurveyOfTheWorld) {
   EXPECT_NEAR(yaml["origin"][2].as<double>(), 0.0, 1e-9);
 }
 
+TEST(Worlds, EveryShippedMapIsTheSurveyOfItsWorld) {
+  for (const std::string name : {"campus", "office", "small_town", "warehouse_yard"}) {
+    const World world = loadWorld(kRoot + "/config/worlds/" + name + ".yaml");
+    for (const GivenMap& given : world.given_maps) {
+      SCOPED_TRACE(name + " " + given.name);
+      const cv::Mat made = mapPicture(surveyMap(world, given));
+      const cv::Mat shipped =
+          cv::imread(kRoot + "/maps/" + name + "/" + given.name + ".pgm", cv::IMREAD_GRAYSCALE);
+      ASSERT_EQ(shipped.size(), made.size()) << "make it anew with survey_map";
+      const cv::Mat differ = shipped != made;
+      EXPECT_LE(cv::countNonZero(differ), 50) << "make it anew with survey_map";
+      const WorldGeometry then(worldAtSurvey(world, given));
+      for (const auto& path : given.survey_paths) {
+        for (std::size_t i = 0; i + 1 < path.size(); ++i) {
+          for (double s = 0.0; s <= 1.0; s += 0.02) {
+            const Point2 p{
+                path[i].x + s * (path[i + 1].x - path[i].x),
+                path[i].y + s * (path[i + 1].y - path[i].y)};
+            EXPECT_GT(then.clearance(p), 0.3) << "(" << p.x << ", " << p.y << ")";
+          }
+        }
+      }
+    }
+  }
+}
+
 TEST(Farm, TheMapHasItsWallsInPlaceAndItsFurnitureMoved) {
   const World world = farm();
   const grid::OccupancyMap map = surveyMap(world, givenMapOf(world));

@@ -32,7 +32,6 @@ void describe(ParamIo& io, Incident& incident);
 struct Scenario {
   std::string name;
   std::string set;  ///< "filter", "map" or "door": METHODS-style check lists of the three parts
-  std::string description;
   std::string world_path;
   std::optional<std::string> site_path;
   std::optional<std::string> sim_path;
@@ -67,6 +66,7 @@ class ScenarioRun {
 
   /// Drives on for `dt`. \pre !finished(); dt as for Simulator::step
   [[nodiscard]] std::vector<Delivered> step(Duration dt);
+  /// Driven, out of time or run into something.
   [[nodiscard]] bool finished() const;
   /// Whether the computer is switched off at that time.
   [[nodiscard]] bool offAt(Timestamp stamp) const;
