@@ -27,6 +27,7 @@ constexpr double kDecisionCell_m = 2.0;   // a reflection is received or not ove
 constexpr double kDecision_s = 4.0;       // ... and this time
 constexpr double kReflectionNoise = 2.0;  // white noise of a reflection against a direct signal
 constexpr double kNoticed = 1.5;          // the receiver doubts weak signals this much
+constexpr double kWorstHdop = 20.0;       // a receiver reports no worse geometry
 constexpr double kRaimLimit = 4.0;        // times the claimed sigma
 constexpr int kRaimMost = 2;
 constexpr Duration kSkyPeriod = std::chrono::seconds(1);
@@ -285,7 +286,13 @@ GnssFix GnssModel::measure(
     truth_.slow_cov_enu += range.slow_m * range.slow_m * g * g.transpose();
   }
   const Eigen::Matrix4d dop = geometry_normal.inverse();
-  fix.hdop = std::sqrt(dop(0, 0) + dop(1, 1));
+  const double hdop = std::sqrt(dop(0, 0) + dop(1, 1));
+  if (!(hdop < kWorstHdop)) {
+    fix.type = GnssFixType::kNone;
+    fix.position = last_position_;
+    return fix;
+  }
+  fix.hdop = hdop;
   // The receiver believes that every range is as good as its own table says.
   const double corrected = std::hypot(params_.range_white_m, slow_share * params_.range_slow_m) /
                            std::hypot(params_.range_white_m, params_.range_slow_m);
