@@ -85,6 +85,10 @@ struct Problem {
   std::string text;
 };
 
+/// Nine digits hide the rounding of the conversion: 10 deg is written as 10, not
+/// 10.000000000000002.
+double writtenDegrees(double value_rad) { return std::round(radToDeg(value_rad) * 1e9) / 1e9; }
+
 }  // namespace
 
 std::optional<std::string> nearestWord(
@@ -371,13 +375,35 @@ void ParamIo::optional(const char* key, std::optional<std::string>& value) {
 }
 
 void ParamIo::optionalDegrees(const char* key, double& value_rad, const Bounds& bounds) {
-  double value_deg = radToDeg(value_rad);
-  // Nine digits hide the rounding of the conversion: 10 deg is written as 10,
-  // not 10.000000000000002.
-  if (impl_->writing) value_deg = std::round(value_deg * 1e9) / 1e9;
+  double value_deg = impl_->writing ? writtenDegrees(value_rad) : radToDeg(value_rad);
   const double before = value_deg;
   optional(key, value_deg, bounds);
   if (!impl_->writing && value_deg != before) value_rad = degToRad(value_deg);
+}
+
+void ParamIo::pose(const char* key, Pose2& pose, bool is_required) {
+  const double yaw_deg = impl_->writing ? writtenDegrees(pose.phi) : radToDeg(pose.phi);
+  std::vector<double> values{pose.x, pose.y, yaw_deg};
+  if (is_required) {
+    required(key, values, 3, 3);
+  } else {
+    optional(key, values, 3, 3);
+  }
+  if (impl_->writing) return;
+  pose.x = values[0];
+  pose.y = values[1];
+  if (values[2] != yaw_deg) pose.phi = wrapToPi(degToRad(values[2]));
+}
+
+void ParamIo::optional(const char* key, Pose2& value) { pose(key, value, false); }
+
+void ParamIo::required(const char* key, Pose2& value) { pose(key, value, true); }
+
+void ParamIo::optional(const char* key, std::optional<Pose2>& value) {
+  if (impl_->writing ? !value.has_value() : !has(key)) return;
+  Pose2 read = value.value_or(Pose2{});
+  pose(key, read, true);
+  value = read;
 }
 
 void ParamIo::optional(

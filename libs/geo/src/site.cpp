@@ -73,9 +73,7 @@ void describe(ParamIo& io, Door& door) {
 void describe(ParamIo& io, IndoorMap& map) {
   io.required("name", map.name);
   io.required("map", map.yaml_path);
-  std::vector<double> pose{map.T_map_grid.x, map.T_map_grid.y, radToDeg(map.T_map_grid.phi)};
-  io.required("T_map_grid", pose, 3, 3);
-  map.T_map_grid = {pose[0], pose[1], wrapToPi(degToRad(pose[2]))};
+  io.required("T_map_grid", map.T_map_grid);
   io.optional("sigma_position_m", map.sigma_position_m, nonNegative());
   io.optionalDegrees("sigma_yaw_deg", map.sigma_yaw_rad, nonNegative());
 }

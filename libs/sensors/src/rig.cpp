@@ -5,10 +5,7 @@
 namespace vestibule {
 
 void describe(ParamIo& io, SensorRig& rig) {
-  std::vector<double> laser{rig.T_base_laser.x, rig.T_base_laser.y, radToDeg(rig.T_base_laser.phi)};
-  io.optional("laser", laser, 3, 3);
-  rig.T_base_laser = {laser[0], laser[1], wrapToPi(degToRad(laser[2]))};
-
+  io.optional("laser", rig.T_base_laser);
   std::vector<double> antenna{rig.p_base_antenna.x, rig.p_base_antenna.y};
   io.optional("antenna", antenna, 2, 2);
   rig.p_base_antenna = {antenna[0], antenna[1]};

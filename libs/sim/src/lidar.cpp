@@ -25,8 +25,6 @@ constexpr double kPersonFar_m = 2.5;
 constexpr double kPersonWidth_rad = 0.17;
 constexpr std::uint64_t kPersonStays_scans = 10;
 
-double toRange(double value) { return std::max(value, 0.0); }
-
 /// Reads the fields that all lidars share, in the lidar's own mapping.
 void echoFields(ParamIo& io, EchoParams& echo) {
   io.optional("range_min_m", echo.range_min_m, nonNegative());
@@ -102,7 +100,7 @@ class Beam {
         range_m = near_m + depth_fate * (far_m - near_m);
       }
     }
-    range_m = toRange(range_m + sigma_m * noise);
+    range_m = std::max(range_m + sigma_m * noise, 0.0);
     return range_m < echo_.range_max_m ? std::optional(range_m) : std::nullopt;
   }
 

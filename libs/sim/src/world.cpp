@@ -18,12 +18,6 @@ void pointField(ParamIo& io, const char* key, Point2& point) {
   point = {xy[0], xy[1]};
 }
 
-void poseField(ParamIo& io, const char* key, Pose2& pose) {
-  std::vector<double> values{pose.x, pose.y, radToDeg(pose.phi)};
-  io.optional(key, values, 3, 3);
-  pose = {values[0], values[1], wrapToPi(degToRad(values[2]))};
-}
-
 std::vector<std::vector<double>> rowsOf(const std::vector<Point2>& points) {
   std::vector<std::vector<double>> rows;
   for (const Point2& p : points) rows.push_back({p.x, p.y});
@@ -155,7 +149,7 @@ void describe(ParamIo& io, GroundArea& area) {
 void describe(ParamIo& io, HeightField& field) {
   io.required("image", field.image);
   io.optional("resolution_m", field.resolution_m, positive());
-  poseField(io, "origin", field.T_map_image);
+  io.optional("origin", field.T_map_image);
   io.optional("low_m", field.low_m);
   io.optional("high_m", field.high_m);
 }
@@ -178,13 +172,13 @@ void describe(ParamIo& io, Plate& plate) {
 
 void describe(ParamIo& io, MapServerImport& import) {
   io.required("yaml", import.yaml);
-  poseField(io, "T_map_grid", import.T_map_grid);
+  io.optional("T_map_grid", import.T_map_grid);
 }
 
 void describe(ParamIo& io, OccupancyImage& image) {
   io.required("image", image.image);
   io.required("resolution_m", image.resolution_m, positive());
-  poseField(io, "origin", image.T_map_image);
+  io.optional("origin", image.T_map_image);
   io.optional("occupied_below", image.occupied_below, inside(0.0, 1.0));
   io.optional("negate", image.negate);
   io.optional("height_m", image.height_m, positive());
@@ -192,7 +186,7 @@ void describe(ParamIo& io, OccupancyImage& image) {
 
 void describe(ParamIo& io, Move& move) {
   io.required("id", move.id);
-  poseField(io, "by", move.by);
+  io.optional("by", move.by);
 }
 
 void describe(ParamIo& io, GivenMap& map) {
@@ -200,7 +194,7 @@ void describe(ParamIo& io, GivenMap& map) {
   io.required("building", map.building);
   io.optional("apron_m", map.apron_m, nonNegative());
   io.optional("resolution_m", map.resolution_m, within(0.01, 1.0));
-  poseField(io, "T_map_grid", map.T_map_grid);
+  io.optional("T_map_grid", map.T_map_grid);
   io.optional("range_m", map.range_m, positive());
   io.optional("noise_m", map.noise_m, nonNegative());
   io.optional("warp_m", map.warp_m, nonNegative());

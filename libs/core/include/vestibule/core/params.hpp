@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "vestibule/core/frames.hpp"
+
 namespace vestibule {
 
 /// Allowed interval of a number. NaN never passes; infinity only where `hi` is infinite and closed.
@@ -67,6 +69,12 @@ class ParamIo {
 
   /// Degrees in the file, radians in the struct. `bounds` are in degrees, like the file.
   void optionalDegrees(const char* key, double& value_rad, const Bounds& bounds = {});
+
+  /// A pose as `[x_m, y_m, yaw_deg]`.
+  void optional(const char* key, Pose2& pose);
+  void required(const char* key, Pose2& pose);
+  /// Absent stays empty; written only when set.
+  void optional(const char* key, std::optional<Pose2>& pose);
 
   /// A list of numbers, e.g. `origin: [x, y, yaw]`; its length must lie in [min_size, max_size].
   void optional(
@@ -172,6 +180,7 @@ class ParamIo {
 
   bool enter(const char* key, bool is_required);
   void leave();
+  void pose(const char* key, Pose2& pose, bool is_required);
   std::size_t enterList(const char* key, std::size_t size, bool is_required);
   bool enterElement(std::size_t index);
   void leaveList();
