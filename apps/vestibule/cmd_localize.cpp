@@ -50,7 +50,7 @@ gui_headless::ReportSection runLocalize(
   s["notes"] = result.notes;
 
   gui_headless::Scene scene;
-  scene.prior_map = map.get();
+  scene.prior_maps = {map.get()};
   scene.reference = asReference(reference);
   auto section = gui_headless::sectionFromRun(output.recorder(), scene, args.title);
   section.figures = {

@@ -61,7 +61,7 @@ void addMap(CLI::App& app, int& exit_code) {
     s["notes"] = result.notes;
 
     gui_headless::Scene scene;
-    scene.prior_map = &result.map;
+    scene.prior_maps = {&result.map};
     auto section = gui_headless::sectionFromRun(output.recorder(), scene, "Map from known poses");
     section.figures = {
         figure("scans", std::to_string(result.trajectory.size())),

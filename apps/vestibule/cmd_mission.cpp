@@ -91,7 +91,7 @@ gui_headless::ReportSection runMissionCommand(
 
   gui_headless::Scene scene;
   scene.site = &setup.site;
-  if (!setup.maps.empty()) scene.prior_map = setup.maps.front().get();
+  for (const auto& map : setup.maps) scene.prior_maps.push_back(map.get());
   for (const sim::Segment& s : geometry.segments()) scene.truth_walls.emplace_back(s.a, s.b);
   for (const nav::Path& path : setup.mission.paths) {
     for (const nav::Waypoint& w : path.waypoints)

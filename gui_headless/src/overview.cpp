@@ -58,8 +58,8 @@ Box contentBox(
     box.add(wall.first);
     box.add(wall.second);
   }
-  if (scene.prior_map != nullptr) {
-    for (const Point2& p : knownCorners(*scene.prior_map)) box.add(p);
+  for (const grid::OccupancyMap* map : scene.prior_maps) {
+    for (const Point2& p : knownCorners(*map)) box.add(p);
   }
   if (scene.site != nullptr) {
     for (const auto& building : scene.site->buildings) {
@@ -248,7 +248,7 @@ std::vector<LegendItem> legendOf(
   }
   if (!scene.gnss_fixes.empty()) items.push_back({Mark::kDots, palette::kFaint, "raw GNSS fixes"});
   if (!scene.waypoints.empty()) items.push_back({Mark::kWaypoint, palette::kInk, "waypoint"});
-  if (scene.prior_map != nullptr) items.push_back({Mark::kSwatch, palette::kWall, "map: occupied"});
+  if (!scene.prior_maps.empty()) items.push_back({Mark::kSwatch, palette::kWall, "map: occupied"});
   if (!scene.truth_walls.empty()) {
     items.push_back({Mark::kWall, palette::kTruthWall, "true walls"});
   }
@@ -282,7 +282,7 @@ void drawMapArea(
   canvas.fillRect(view.area(), palette::kGround);
   drawGrid(canvas, view);
   if (scene.site != nullptr) drawBuildingFill(canvas, view, *scene.site);
-  if (scene.prior_map != nullptr) drawPriorMap(canvas, view, *scene.prior_map);
+  for (const grid::OccupancyMap* map : scene.prior_maps) drawPriorMap(canvas, view, *map);
   for (const auto& wall : scene.truth_walls) {
     canvas.line(view(wall.first), view(wall.second), palette::kTruthWall, 1.5);
   }

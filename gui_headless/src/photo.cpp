@@ -42,7 +42,7 @@ std::string renderPhoto(const PhotoView& photo, const Scene& scene) {
     canvas.fillRect(area, palette::kGround);
     drawGrid(canvas, view);
     if (scene.site != nullptr) drawBuildingFill(canvas, view, *scene.site);
-    if (scene.prior_map != nullptr) drawPriorMap(canvas, view, *scene.prior_map);
+    for (const grid::OccupancyMap* map : scene.prior_maps) drawPriorMap(canvas, view, *map);
     if (scene.site != nullptr) {
       drawBuildingLines(canvas, view, *scene.site);
       drawDoors(canvas, view, *scene.site);

@@ -84,7 +84,7 @@ TEST(Overview, PlacesAPriorMapInItsGeoreference) {
   const auto map = grid::OccupancyMap::fromCells(
       100, 60, 0.1, Point2(0, 0), cells, Pose2(0, 0, 90.0 * kRadPerDeg));
   Scene scene;
-  scene.prior_map = &map;
+  scene.prior_maps = {&map};
   const cv::Mat image = decoded(renderOverview(RunRecorder{}, scene, onePixelPerLayoutPixel()));
   // THEN the block is there: the map spans x -6..0, y 0..10, its height decides the scale
   const double map_height = 0.72 * 1124.0;
@@ -109,7 +109,7 @@ TEST(Overview, ThinWallsSurviveInALargeMap) {
   }
   const auto map = grid::OccupancyMap::fromCells(kSize, kSize, 0.05, Point2(0, 0), cells);
   Scene scene;
-  scene.prior_map = &map;
+  scene.prior_maps = {&map};
   OverviewStyle style;
   style.width_px = 500;
   const cv::Mat image = decoded(renderOverview(RunRecorder{}, scene, style));

@@ -25,7 +25,7 @@ class SyntheticRun {
 
   SyntheticRun() : T_map_building_(12.0, -4.0, 12.0 * kRadPerDeg), map_(makeMap()) {
     makeSite();
-    scene_.prior_map = &map_;
+    scene_.prior_maps = {&map_};
     scene_.site = &site_;
     const std::vector<std::pair<std::string, Point2>> stops = {
         {"charging point", {-22, 2}},

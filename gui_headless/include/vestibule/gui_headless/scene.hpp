@@ -14,7 +14,7 @@ namespace vestibule::gui_headless {
 /// What surrounds a run, all in the map frame. Every part may be missing. Pointers are only looked
 /// at during the call that takes the scene.
 struct Scene {
-  const grid::OccupancyMap* prior_map = nullptr;
+  std::vector<const grid::OccupancyMap*> prior_maps;
   const geo::Site* site = nullptr;
   std::vector<std::pair<Point2, Point2>> truth_walls;    ///< of the simulated world
   std::vector<std::pair<std::string, Pose2>> waypoints;  ///< names and T_map_waypoint
