@@ -3,6 +3,8 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
+#include <utility>
 
 #include "commands.hpp"
 #include "run_output.hpp"
@@ -87,12 +89,6 @@ Drive drive(const sim::Scenario& scenario, std::uint64_t seed, io::RawlogWriter&
   return result;
 }
 
-std::string tumOf(const metrics::Trajectory& poses) {
-  std::string text;
-  for (const metrics::TimedPose& p : poses) text += io::formatTumLine({p.stamp, toPose3(p.pose)});
-  return text;
-}
-
 gui_headless::ReportSection describeDrive(
     const sim::Scenario& scenario, const Drive& d, RunOutput& output) {
   Json& s = output.summary();
@@ -122,8 +118,7 @@ gui_headless::ReportSection describeDrive(
         "m"));
   }
   gui_headless::Scene scene;
-  std::optional<geo::Site> site;
-  if (scenario.site_path) site = geo::loadSite(*scenario.site_path);
+  const std::optional<geo::Site> site = sim::siteAsTold(scenario);
   if (site) scene.site = &*site;
   const sim::WorldGeometry geometry(scenario.world);
   for (const sim::Segment& segment : geometry.segments()) {
@@ -137,11 +132,47 @@ gui_headless::ReportSection describeDrive(
   return section;
 }
 
-/// Gives a finished file its final name.
-void rename(const std::string& from, const std::string& to) {
-  std::error_code error;
-  fs::rename(from, to, error);
-  if (error) throw ConfigError(to + ": cannot be written: " + error.message());
+/// A file that gets its name when it is finished, and is gone when it never is.
+class UnfinishedFile {
+ public:
+  explicit UnfinishedFile(std::string path) : path_(std::move(path)) {}
+  UnfinishedFile(const UnfinishedFile&) = delete;
+  UnfinishedFile& operator=(const UnfinishedFile&) = delete;
+  ~UnfinishedFile() {
+    std::error_code ignored;
+    fs::remove(name(), ignored);
+  }
+  [[nodiscard]] std::string name() const { return path_ + ".part"; }
+  void finish() {
+    std::error_code error;
+    fs::rename(name(), path_, error);
+    if (error) throw ConfigError(path_ + ": cannot be written: " + error.message());
+  }
+
+ private:
+  std::string path_;
+};
+
+/// The site as the estimators are told it, for a site file in `folder`.
+std::string siteText(geo::Site site, const fs::path& folder) {
+  for (geo::IndoorMap& map : site.indoor_maps) {
+    map.yaml_path = fs::relative(map.yaml_path, folder).string();
+  }
+  return dumpParams(site);
+}
+
+/// What to type to try the estimators on the recording.
+std::string replayCommand(
+    const sim::Scenario& scenario,
+    const std::string& recording,
+    const std::string& site,
+    const std::string& truth) {
+  std::string command = "vestibule replay " + recording + " --site " + site;
+  if (const auto start = sim::startAsTold(scenario)) {
+    command +=
+        " --init " + fixed(start->x, 3) + "," + fixed(start->y, 3) + "," + fixed(start->phi, 6);
+  }
+  return command + " --ref " + truth;
 }
 
 void runSim(const Arguments& args, int& exit_code) {
@@ -167,23 +198,39 @@ void runSim(const Arguments& args, int& exit_code) {
     config.rig = scenario.sim.rig;
     output = std::make_unique<RunOutput>(args.out, "sim", config);
   }
-  const std::string record =
-      args.record.empty() ? output->stage("recording.rawlog") : args.record + ".part";
+  const auto site = sim::siteAsTold(scenario);
+  std::optional<UnfinishedFile> single;
+  if (!args.record.empty()) single.emplace(args.record);
+  const std::string record = output ? output->stage("recording.rawlog") : single->name();
   io::RawlogWriter recording(record);
   const Drive d = drive(scenario, args.seed, recording);
   recording.close();
   checkInterrupted();
-  if (!args.record.empty()) {
-    const std::string truth = fs::path(args.record).replace_extension(".truth.tum").string();
+  if (single) {
+    const fs::path base = fs::absolute(args.record);
+    const std::string truth = fs::path(base).replace_extension(".truth.tum").string();
     gui_headless::writeFile(truth, tumOf(d.truth));
-    rename(record, args.record);
+    if (output) fs::copy_file(record, single->name(), fs::copy_options::overwrite_existing);
+    single->finish();
     std::printf("recording: %s\ntruth: %s\n", args.record.c_str(), truth.c_str());
+    if (site) {
+      const std::string told = fs::path(base).replace_extension(".site.yaml").string();
+      gui_headless::writeFile(told, siteText(*site, base.parent_path()));
+      std::printf(
+          "try it: %s --out FOLDER\n", replayCommand(scenario, args.record, told, truth).c_str());
+    }
   }
   if (output) {
     output->timing(d.wall_s, d.duration_s);
     output->trajectory(d.truth);
     output->trajectory(d.truth, "truth.tum");
     output->text("scenario.resolved.yaml", sim::dumpScenario(scenario));
+    if (site) {
+      output->text("site.yaml", siteText(*site, fs::absolute(args.out)));
+      output->summary()["replay"] =
+          replayCommand(scenario, "recording.rawlog", "site.yaml", "truth.tum") +
+          " --config config.resolved.yaml";
+    }
     gui_headless::Report report;
     report.title = "Vestibule: sim";
     report.subtitle = scenario.name + " in the world " + scenario.world.name;
@@ -213,7 +260,9 @@ void addSim(CLI::App& app, int& exit_code) {
   command->add_flag("--list", args->list, "list the shipped scenarios");
   command->add_option("--seed", args->seed, "seed of all randomness")->capture_default_str();
   command->add_option(
-      "--record", args->record, "MRPT rawlog to write; the truth goes beside it as .truth.tum");
+      "--record",
+      args->record,
+      "MRPT rawlog to write; the truth goes beside it as .truth.tum, the site as .site.yaml");
   command->add_option("--out", args->out, "output folder with recording, truth and report");
   command->callback([args, &exit_code] { runSim(*args, exit_code); });
 }

@@ -18,6 +18,7 @@ void addLocalize(CLI::App& app, int& exit_code);
 void addFuse(CLI::App& app, int& exit_code);
 void addMap(CLI::App& app, int& exit_code);
 void addMission(CLI::App& app, int& exit_code);
+void addReplay(CLI::App& app, int& exit_code);
 void addSim(CLI::App& app, int& exit_code);
 void addEval(CLI::App& app, int& exit_code);
 

@@ -53,6 +53,7 @@ int run(int argc, char** argv) {
   addFuse(app, exit_code);
   addMap(app, exit_code);
   addMission(app, exit_code);
+  addReplay(app, exit_code);
   addSim(app, exit_code);
   addEval(app, exit_code);
   try {

@@ -29,11 +29,7 @@ void RunOutput::text(const std::string& name, const std::string& content) {
 }
 
 void RunOutput::trajectory(const metrics::Trajectory& poses, const std::string& name) {
-  std::string content;
-  for (const metrics::TimedPose& p : poses) {
-    content += io::formatTumLine({p.stamp, toPose3(p.pose)});
-  }
-  text(name, content);
+  text(name, tumOf(poses));
 }
 
 void RunOutput::picture(const std::string& name, const std::string& png) { text(name, png); }
@@ -80,6 +76,12 @@ const char* labelOf(const Measurement& measurement) {
   if (std::holds_alternative<GnssFix>(measurement)) return "GNSS";
   if (std::holds_alternative<Heading>(measurement)) return "HEADING";
   return "LASER";
+}
+
+std::string tumOf(const metrics::Trajectory& poses) {
+  std::string text;
+  for (const metrics::TimedPose& p : poses) text += io::formatTumLine({p.stamp, toPose3(p.pose)});
+  return text;
 }
 
 metrics::Trajectory readPlanarTum(const std::string& path) {

@@ -69,6 +69,9 @@ class RunOutput {
 /// Sensor label of a simulated measurement in a recording.
 [[nodiscard]] const char* labelOf(const Measurement& measurement);
 
+/// A trajectory as the text of a TUM file.
+[[nodiscard]] std::string tumOf(const metrics::Trajectory& poses);
+
 /// Reads a TUM file as a planar trajectory.
 [[nodiscard]] metrics::Trajectory readPlanarTum(const std::string& path);
 

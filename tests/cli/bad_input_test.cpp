@@ -37,6 +37,7 @@ TEST_P(BadRecordings, AreRefusedByEveryCommand) {
        {std::vector<std::string>{"info", log},
         {"localize", log, "--map", roomMap(), "--init", "1,1,0", "--out", out},
         {"fuse", log, "--out", out},
+        {"replay", log, "--site", shipped("config/sites/farm.yaml"), "--out", out},
         {"map", log, "--known-poses", "--out", out}}) {
     SCOPED_TRACE(command.front());
     const CommandResult result = run(command);

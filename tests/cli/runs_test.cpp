@@ -127,6 +127,23 @@ TEST_F(Runs, MissionRepeatsAndTheSeedMatters) {
   EXPECT_EQ(contents["format"], "MRPT rawlog");
 }
 
+TEST_F(Runs, ReplayRepeats) {
+  const std::string demo = std::string(kMrptDatasets) + "localization_demo";
+  const std::string site = file(
+      "site.yaml",
+      "name: demo\n"
+      "datum: [36.7, -4.4, 60]\n"
+      "indoor_maps: [{name: floor, map: " +
+          demo +
+          ".simplemap.gz, T_map_grid: [0, 0, 0]}]\n"
+          "buildings: [{name: floor, outline: [[-50, -50], [50, -50], [50, 50], [-50, 50]]}]\n");
+  // A real robot inside a building; where it starts was found by `localize --global`.
+  expectRepeats({"replay", demo + ".rawlog", "--site", site, "--init", "1.304,-10.395,-0.4644"});
+  const json summary = json::parse(readFile(path("first/summary.json")));
+  EXPECT_EQ(summary["final_mode"], "indoor") << summary.dump(2);
+  EXPECT_GT(summary["share_in_mode"]["indoor"], 0.5);
+}
+
 TEST_F(Runs, TheResolvedConfigurationGivesTheSameRun) {
   const std::string log = shipped("datasets/husky_gnss/test1.bag");
   const std::string config = file("mine.yaml", "ekf:\n  gnss:\n    sigma_differential_m: 2.5\n");

@@ -38,7 +38,16 @@ TEST_F(Sim, LeavesAFolderWithAReport) {
            "summary.json",
            "map.png",
            "scenario.resolved.yaml",
+           "site.yaml",
            "report.html"}));
+}
+
+TEST_F(Sim, RecordsIntoTheFolderAndBesideIt) {
+  const CommandResult result =
+      run({"sim", "--scenario", "open_sky", "--out", path("out"), "--record", path("a.rawlog")});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(readFile(path("a.rawlog")), readFile(path("out/recording.rawlog")));
+  EXPECT_EQ(readFile(path("a.truth.tum")), readFile(path("out/truth.tum")));
 }
 
 TEST_F(Sim, SaysWhatIsWrong) {

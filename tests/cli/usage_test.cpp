@@ -15,7 +15,8 @@ TEST_F(Cli, HelpListsEveryCommand) {
   const CommandResult result = run({"--help"});
   EXPECT_EQ(result.exit_code, 0);
   EXPECT_EQ(result.err, "");
-  for (const char* command : {"demo", "info", "localize", "fuse", "map", "mission", "eval"}) {
+  for (const char* command :
+       {"demo", "info", "localize", "fuse", "map", "mission", "replay", "sim", "eval"}) {
     EXPECT_THAT(result.out, HasSubstr(std::string("\n  ") + command + " "));
   }
   EXPECT_THAT(result.out, HasSubstr("Exit codes"));
@@ -29,6 +30,8 @@ TEST_F(Cli, HelpOfEachCommandExplainsItsOptions) {
       {"fuse", {"LOG", "--config", "--csv-mapping", "--ref", "--out"}},
       {"map", {"LOG", "--known-poses", "--config", "--out"}},
       {"mission", {"MISSION", "--world", "--seed", "--config", "--record", "--out"}},
+      {"replay", {"LOG", "--site", "--init", "--config", "--csv-mapping", "--ref", "--out"}},
+      {"sim", {"--scenario", "--list", "--seed", "--record", "--out"}},
       {"eval",
        {"EST",
         "--ref",

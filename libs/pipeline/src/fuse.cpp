@@ -13,10 +13,6 @@
 namespace vestibule::pipeline {
 namespace {
 
-// Sources of one recorder are written this much out of order at most; later ones are dropped by
-// the filter.
-constexpr Duration kLateness = std::chrono::milliseconds(500);
-
 /// One recording on its way through the filter.
 class Fusion {
  public:
@@ -131,20 +127,10 @@ FuseResult fuse(
     const Progress& progress) {
   const auto reader = io::openRecording(recording_path, recording_options);
   Fusion fusion(config, observers);
-  std::optional<Timestamp> first;
-  TimeOrderedQueue queue(kLateness);
-  const auto work = [&] {
-    while (const auto measurement = queue.pop()) fusion.process(*measurement);
-  };
-  while (auto record = reader->next()) {
-    const Timestamp stamp = stampOf(record->measurement);
-    if (!first) first = stamp;
-    queue.push(std::move(record->measurement));
-    work();
-    progress(reader->progress(), toSeconds(stamp - *first));
-  }
-  queue.finish();
-  work();
+  forEachInStampOrder(
+      *reader,
+      [&fusion](const Measurement& measurement) { fusion.process(measurement); },
+      progress);
   if (fusion.wheel_messages == 0) {
     throw InputError(
         recording_path + ": no wheel odometry in it, which the filter needs (see vestibule info)");

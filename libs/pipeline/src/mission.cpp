@@ -6,7 +6,6 @@
 
 #include "vestibule/core/errors.hpp"
 #include "vestibule/geo/tangent_plane.hpp"
-#include "vestibule/io/map_io.hpp"
 #include "vestibule/mrpt_adapters/reactive_driver.hpp"
 #include "vestibule/pipeline/seamless_estimator.hpp"
 
@@ -17,9 +16,6 @@ constexpr Duration kTick = std::chrono::milliseconds(20);
 constexpr int kTicksPerControl = 5;  // 10 Hz
 constexpr double kMaxMission_s = 3600.0;
 constexpr double kDoorZone_m = 10.0;
-// A robot switched on at its charging point knows where that is.
-constexpr double kStartSigma_m = 0.15;
-constexpr double kStartSigma_rad = degToRad(2.0);
 
 std::optional<Mode> modeOf(nav::LocalizationMode mode) {
   switch (mode) {
@@ -163,14 +159,12 @@ MissionSetup loadMissionSetup(
         world_path + ": datum: the world lies " + std::to_string(std::lround(apart_m / 1000.0)) +
         " km from the site " + setup.site.file + " of the mission; use a world of that site");
   }
-  for (const geo::IndoorMap& indoor : setup.site.indoor_maps) {
-    const auto map = std::make_shared<const grid::OccupancyMap>(
-        io::loadMap(indoor.yaml_path).movedBy(indoor.T_map_grid));
+  setup.maps = loadIndoorMaps(setup.site);
+  for (const auto& map : setup.maps) {
     for (const std::string& text :
          nav::checkAgainstMap(setup.mission, *map, config.mission.footprint.half_width_m)) {
       report(text);
     }
-    setup.maps.push_back(map);
   }
   if (!problems.empty()) throw ConfigError(problems);
   return setup;
@@ -192,12 +186,7 @@ MissionResult runMission(
   Config robot_config = config;
   robot_config.rig = setup.sim.rig;
   SeamlessEstimator estimator(robot_config, setup.site, setup.maps, all);
-  const Eigen::Matrix3d start_cov = Eigen::Vector3d(
-                                        kStartSigma_m * kStartSigma_m,
-                                        kStartSigma_m * kStartSigma_m,
-                                        kStartSigma_rad * kStartSigma_rad)
-                                        .asDiagonal();
-  estimator.start(simulator.time(), {setup.mission.T_map_base_start, start_cov});
+  estimator.start(simulator.time(), toldStart(setup.mission.T_map_base_start));
 
   mrpt_adapters::ReactiveDriver driver(config.driver);
   Host host(estimator, hooks);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "vestibule/io/map_io.hpp"
 #include "vestibule/pipeline/gnss_input.hpp"
 
 namespace vestibule::pipeline {
@@ -23,6 +24,24 @@ Point2 centreOf(const grid::OccupancyMap& map) {
 }
 
 }  // namespace
+
+std::vector<std::shared_ptr<const grid::OccupancyMap>> loadIndoorMaps(const geo::Site& site) {
+  std::vector<std::shared_ptr<const grid::OccupancyMap>> maps;
+  for (const geo::IndoorMap& indoor : site.indoor_maps) {
+    maps.push_back(std::make_shared<const grid::OccupancyMap>(
+        io::loadMap(indoor.yaml_path).movedBy(indoor.T_map_grid)));
+  }
+  return maps;
+}
+
+PoseWithCovariance toldStart(const Pose2& T_map_base) {
+  constexpr double kSigma_m = 0.15;
+  constexpr double kSigma_rad = degToRad(2.0);
+  return {
+      T_map_base,
+      Eigen::Vector3d(kSigma_m * kSigma_m, kSigma_m * kSigma_m, kSigma_rad * kSigma_rad)
+          .asDiagonal()};
+}
 
 SeamlessEstimator::SeamlessEstimator(
     const Config& config,

@@ -14,27 +14,6 @@ namespace fs = std::filesystem;
 /// Control rate of the scripted drive.
 constexpr Duration kControl = std::chrono::milliseconds(50);
 
-std::vector<double> valuesOf(const Pose2& pose) { return {pose.x, pose.y, radToDeg(pose.phi)}; }
-
-Pose2 poseOf(const std::vector<double>& v) { return {v[0], v[1], wrapToPi(degToRad(v[2]))}; }
-
-void poseField(ParamIo& io, const char* key, Pose2& pose, bool is_required = false) {
-  std::vector<double> values = valuesOf(pose);
-  if (is_required) {
-    io.required(key, values, 3, 3);
-  } else {
-    io.optional(key, values, 3, 3);
-  }
-  pose = poseOf(values);
-}
-
-void poseField(ParamIo& io, const char* key, std::optional<Pose2>& pose) {
-  if (io.writing() ? !pose.has_value() : !io.has(key)) return;
-  Pose2 value = pose.value_or(Pose2{});
-  poseField(io, key, value, true);
-  pose = value;
-}
-
 template <int n>
 void vectorField(ParamIo& io, const char* key, std::optional<Eigen::Matrix<double, n, 1>>& vector) {
   if (io.writing() ? !vector.has_value() : !io.has(key)) return;
@@ -50,7 +29,7 @@ void describe(ParamIo& io, Incident& incident) {
   io.required("at_s", incident.at_s, nonNegative());
   io.optional("for_s", incident.for_s, nonNegative());
   vectorField<2>(io, "slip", incident.slip);
-  poseField(io, "kidnap_to", incident.kidnap_to);
+  io.optional("kidnap_to", incident.kidnap_to);
   if (io.writing() ? incident.gyro_bias_step_radps.has_value() : io.has("gyro_bias_step_degps")) {
     double step_radps = incident.gyro_bias_step_radps.value_or(0.0);
     io.optionalDegrees("gyro_bias_step_degps", step_radps, within(-100.0, 100.0));
@@ -104,7 +83,7 @@ void describeScenario(ParamIo& io, Scenario& scenario, const fs::path& folder) {
     }
   }
   io.section("params", scenario.sim);
-  poseField(io, "start", scenario.T_map_base_start, true);
+  io.required("start", scenario.T_map_base_start);
   io.list("drive", scenario.drive);
   io.optional("repeat", scenario.repeat, within(1, 1000));
   io.optional("duration_s", scenario.duration_s, positive());
@@ -112,8 +91,8 @@ void describeScenario(ParamIo& io, Scenario& scenario, const fs::path& folder) {
     io.problem("duration_s", "is needed where nothing is driven");
   }
   io.list("incidents", scenario.incidents);
-  poseField(io, "georeference_error", scenario.georeference_error);
-  poseField(io, "start_told", scenario.T_map_base_told);
+  io.optional("georeference_error", scenario.georeference_error);
+  io.optional("start_told", scenario.T_map_base_told);
   io.optional("start_unknown", scenario.told_nothing);
   if (scenario.site_path && !fs::is_regular_file(*scenario.site_path)) {
     io.problem("site", *scenario.site_path + ": no such file");
@@ -121,6 +100,21 @@ void describeScenario(ParamIo& io, Scenario& scenario, const fs::path& folder) {
 }
 
 }  // namespace
+
+std::optional<geo::Site> siteAsTold(const Scenario& scenario) {
+  if (!scenario.site_path) return std::nullopt;
+  geo::Site site = geo::loadSite(*scenario.site_path);
+  for (geo::IndoorMap& map : site.indoor_maps) {
+    // true = told * error
+    map.T_map_grid = compose(map.T_map_grid, inverse(scenario.georeference_error));
+  }
+  return site;
+}
+
+std::optional<Pose2> startAsTold(const Scenario& scenario) {
+  if (scenario.told_nothing) return std::nullopt;
+  return scenario.T_map_base_told.value_or(scenario.T_map_base_start);
+}
 
 std::string dumpScenario(const Scenario& scenario) {
   ParamFile file = ParamFile::forWriting();

@@ -13,9 +13,9 @@ namespace vestibule::io {
 /// CObservationGPS with a GGA message.
 ///
 /// What the format cannot hold: stamps keep 100 ns ticks (mrpt::Clock; nanoseconds are rounded),
-/// ranges and angles of scans are single precision, fixes keep type, HDOP and satellites but no
-/// covariance, and only geodetic positions (a LocalPosition needs its datum: it throws
-/// ConfigError).
+/// ranges and angles of scans are single precision, a scan's time from beam to beam is not kept,
+/// fixes keep type, HDOP and satellites but no covariance, and only geodetic positions (a
+/// LocalPosition needs its datum: it throws ConfigError).
 class RawlogWriter {
  public:
   /// Throws ConfigError when the file cannot be created.

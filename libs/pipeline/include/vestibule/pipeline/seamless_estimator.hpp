@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "vestibule/amcl/particle_localizer.hpp"
@@ -14,6 +15,14 @@
 #include "vestibule/sensors/measurements.hpp"
 
 namespace vestibule::pipeline {
+
+/// The site's indoor maps in the site's map frame, in its order. Throws InputError.
+[[nodiscard]] std::vector<std::shared_ptr<const grid::OccupancyMap>> loadIndoorMaps(
+    const geo::Site& site);
+
+/// A start pose told by someone who knows the place, e.g. a surveyed charging point: good to 0.15 m
+/// and 2 deg.
+[[nodiscard]] PoseWithCovariance toldStart(const Pose2& T_map_base);
 
 /// Wires odometry filter, GNSS filter, particle localization and mode manager: measurements in
 /// stamp order go in, one published pose comes out. The same object serves recordings and the
@@ -32,6 +41,8 @@ class SeamlessEstimator {
   void process(const Measurement& measurement);
 
   [[nodiscard]] bool ready() const { return manager_.ready(); }
+  /// What the GNSS filter still misses for a first pose, in words; empty when it has one.
+  [[nodiscard]] std::string waitingFor() const { return gnss_filter_.waitingFor(); }
   /// Stamp of the last odometry message.
   [[nodiscard]] Timestamp time() const { return time_; }
   [[nodiscard]] const Pose2& T_odom_base() const { return T_odom_base_; }

@@ -1,10 +1,13 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <optional>
 #include <set>
 #include <tuple>
 
+#include "vestibule/io/recording.hpp"
+#include "vestibule/pipeline/progress.hpp"
 #include "vestibule/sensors/measurements.hpp"
 
 namespace vestibule::pipeline {
@@ -40,5 +43,12 @@ class TimeOrderedQueue {
   std::size_t count_ = 0;
   bool finished_ = false;
 };
+
+/// Reads a recording to its end and hands out its measurements in stamp order. Sources of one
+/// recorder are taken to be written up to 0.5 s out of order.
+void forEachInStampOrder(
+    io::RecordingReader& reader,
+    const std::function<void(const Measurement&)>& process,
+    const Progress& progress);
 
 }  // namespace vestibule::pipeline

@@ -7,6 +7,7 @@
 
 #include "vestibule/core/frames.hpp"
 #include "vestibule/core/params.hpp"
+#include "vestibule/geo/site.hpp"
 #include "vestibule/sim/route_follower.hpp"
 #include "vestibule/sim/simulator.hpp"
 #include "vestibule/sim/world.hpp"
@@ -51,6 +52,13 @@ struct Scenario {
 /// \param name_or_path  "open_sky" (looked up as <folder>/open_sky.yaml) or a path to a YAML file
 /// Throws ConfigError with file:line of every problem; an unknown name lists the known ones.
 [[nodiscard]] Scenario loadScenario(const std::string& name_or_path, const std::string& folder);
+
+/// The scenario's site as the estimators are told it: with the georeference error in the poses of
+/// its indoor maps. Empty when the scenario has no site; throws ConfigError for a bad site file.
+[[nodiscard]] std::optional<geo::Site> siteAsTold(const Scenario& scenario);
+
+/// The start pose the estimators are told; empty when it is unknown to them.
+[[nodiscard]] std::optional<Pose2> startAsTold(const Scenario& scenario);
 
 /// A scenario as one YAML text, its robot's parameters written out.
 [[nodiscard]] std::string dumpScenario(const Scenario& scenario);
