@@ -200,19 +200,36 @@ ParticleLocalizer::ParticleLocalizer(
 ParticleLocalizer::~ParticleLocalizer() = default;
 
 void ParticleLocalizer::initialise(const PoseWithCovariance& T_map_base) {
-  const PoseWithCovariance T_grid_base = compose(inverse(impl_->map->T_map_grid()), T_map_base);
-  const Eigen::Matrix3d L = T_grid_base.cov.llt().matrixL();
+  initialise(std::vector<PoseMode>{{T_map_base, 1.0}});
+}
+
+void ParticleLocalizer::initialise(const std::vector<PoseMode>& modes) {
+  double weight_sum = 0.0;
+  for (const PoseMode& mode : modes) weight_sum += mode.weight;
+  assert(weight_sum > 0.0);
   RandomStream rng(impl_->seed, "amcl-init", impl_->draws++);
   const auto n = static_cast<std::size_t>(impl_->params.kld.max_particles);
   impl_->filter.resetDeterministic(mrpt::math::TPose2D(), n);
-  for (auto& particle : impl_->filter.m_particles) {
-    const Eigen::Vector3d z(rng.normal(), rng.normal(), rng.normal());
-    const Eigen::Vector3d d = L * z;
-    particle.d = {
-        T_grid_base.mean.x + d.x(),
-        T_grid_base.mean.y + d.y(),
-        wrapToPi(T_grid_base.mean.phi + d.z())};
-    particle.log_w = 0.0;
+  // Each mode gets its share of the particles, in order; rounding goes to the last.
+  std::size_t next = 0;
+  double weight_so_far = 0.0;
+  for (const PoseMode& mode : modes) {
+    weight_so_far += mode.weight;
+    const auto end = static_cast<std::size_t>(
+        std::llround(static_cast<double>(n) * weight_so_far / weight_sum));
+    const PoseWithCovariance T_grid_base =
+        compose(inverse(impl_->map->T_map_grid()), mode.T_map_base);
+    const Eigen::Matrix3d L = T_grid_base.cov.llt().matrixL();
+    for (; next < end; ++next) {
+      const Eigen::Vector3d z(rng.normal(), rng.normal(), rng.normal());
+      const Eigen::Vector3d d = L * z;
+      auto& particle = impl_->filter.m_particles[next];
+      particle.d = {
+          T_grid_base.mean.x + d.x(),
+          T_grid_base.mean.y + d.y(),
+          wrapToPi(T_grid_base.mean.phi + d.z())};
+      particle.log_w = 0.0;
+    }
   }
   impl_->restart();
 }

@@ -97,6 +97,19 @@ TEST(ParticleLocalizer, FindsItselfWithoutAnyIdeaWhereItIs) {
   EXPECT_THAT(localizer.pose().mean, poseNear(drive.truth, 0.08, degToRad(1.5)));
 }
 
+TEST(ParticleLocalizer, DecidesBetweenTwoPlacesByTheScans) {
+  // GIVEN two places where the robot may be, the wrong one held for likelier
+  Drive drive{room(), {3.0, 2.0, 0.3}};
+  ParticleLocalizer localizer({}, drive.map, 6);
+  const Eigen::Matrix3d cov = Eigen::Vector3d(0.04, 0.04, 0.01).asDiagonal();
+  localizer.initialise({{{{9.5, 6.0, -2.0}, cov}, 0.7}, {{drive.truth, cov}, 0.3}});
+  EXPECT_GT(localizer.pose().cov(0, 0), 1.0) << "one place was chosen without a scan";
+  // WHEN it drives
+  for (int i = 0; i < 20; ++i) drive.step(localizer);
+  // THEN the scans have decided
+  EXPECT_THAT(localizer.pose().mean, poseNear(drive.truth, 0.05, degToRad(1.0)));
+}
+
 TEST(ParticleLocalizer, SaysWhenTheScansDoNotFit) {
   // GIVEN a converged filter
   Drive drive{room(), {3.0, 2.0, 0.3}};

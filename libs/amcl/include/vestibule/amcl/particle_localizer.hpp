@@ -22,6 +22,12 @@ struct ScanReport {
   double effective_sample_size = 0.0;
 };
 
+/// One place where the robot may be. Weights of several need not sum to one.
+struct PoseMode {
+  PoseWithCovariance T_map_base;
+  double weight = 1.0;
+};
+
 /// Monte-Carlo localization in a prior map, on MRPT's CMonteCarloLocalization2D with KLD-adaptive
 /// sample size. Every random number comes from (seed, number of the update): the same input gives
 /// the same particles, whatever else draws from MRPT's generator in between.
@@ -39,6 +45,9 @@ class ParticleLocalizer {
 
   /// Draws the particles from a Gaussian. May be called again at any time (seeding at a door).
   void initialise(const PoseWithCovariance& T_map_base);
+  /// Draws the particles from several places, each with its share of the weight (a global search
+  /// that found more than one). \pre not empty, weights not negative and at least one positive
+  void initialise(const std::vector<PoseMode>& modes);
   /// Draws the particles uniformly from the free cells of the map.
   void initialiseGlobally();
   [[nodiscard]] bool initialised() const;
