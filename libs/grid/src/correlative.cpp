@@ -6,24 +6,16 @@
 namespace vestibule::grid {
 namespace {
 
-// A square of poses is bounded by the maxima over 4 x 4 cells: poses up to two cells apart, each
-// interpolating between two cells per axis.
-constexpr int kBoundLevel = 2;
-constexpr double kSquareCells = 2.0;
-// Poses whose response is smaller than exp(-this) of the best change nothing that matters.
-constexpr double kNegligible = 10.0;
-
-/// Poses i_begin <= i < i_end, j_begin <= j < j_end of the lattice at one yaw.
-struct Square {
-  double bound = 0.0;  // of the log response
-  int k = 0;
-  int i_begin = 0, i_end = 0;
-  int j_begin = 0, j_end = 0;
-};
+// The coarse lattice takes this many fine steps at once; a cell of it is refined where its response
+// is within exp(-kRefineWithin) of the best coarse one.
+constexpr int kCoarseSteps = 3;
+constexpr int kCoarseYawSteps = 4;
+constexpr double kRefineWithin = 4.0;
 
 struct LatticePose {
   double log_response = 0.0;
   int i = 0, j = 0, k = 0;
+  double volume = 1.0;  // in fine cells
 };
 
 }  // namespace
@@ -57,19 +49,11 @@ std::optional<CorrelativeMatch> CorrelativeMatcher::match(
   if (points.empty()) return std::nullopt;
 
   const double res = field.resolution();
-  const double step = params_.step_m / res;  // in cells
+  const float step = static_cast<float>(params_.step_m / res);  // in cells
   const Pose2 guess = between(field.T_map_field(), T_map_guess);
   const int n_xy = static_cast<int>(std::floor(params_.half_window_m / params_.step_m + 1e-9));
   const int n_yaw = static_cast<int>(std::floor(params_.half_window_rad / params_.step_rad + 1e-9));
   const double per_point = params_.effective_points / static_cast<double>(points.size());
-  const auto cellX = [&](double u) {
-    return std::clamp(
-        static_cast<int>(std::floor(u)), -field.padding(), field.width() + field.padding() - 2);
-  };
-  const auto cellY = [&](double v) {
-    return std::clamp(
-        static_cast<int>(std::floor(v)), -field.padding(), field.height() + field.padding() - 2);
-  };
   const auto poseOf = [&](int i, int j, int k) {
     return compose(
         field.T_map_field(),
@@ -78,84 +62,97 @@ std::optional<CorrelativeMatch> CorrelativeMatcher::match(
             guess.y + j * params_.step_m,
             guess.phi + k * params_.step_rad});
   };
-
-  // Where the points lie at each yaw, in cells, less half a cell: from cell centre to cell centre.
-  std::vector<std::vector<Point2>> turned;
-  for (int k = -n_yaw; k <= n_yaw; ++k) {
+  // Where the points lie at yaw step k, in cells from the centre of the padded corner cell.
+  std::vector<Eigen::Vector2f> turned;
+  const auto turn = [&](int k) {
     const Pose2 T{guess.x, guess.y, guess.phi + k * params_.step_rad};
-    std::vector<Point2> at_yaw;
+    turned.clear();
     for (const Point2& p : points) {
       const Point2 q = transform(T, p);
-      at_yaw.push_back({q.x / res - 0.5, q.y / res - 0.5});
+      turned.emplace_back(
+          static_cast<float>(q.x / res - 0.5 + field.padding()),
+          static_cast<float>(q.y / res - 0.5 + field.padding()));
     }
-    turned.push_back(std::move(at_yaw));
-  }
+  };
+  // Beyond the padding lies nothing: such points stay in its outermost cells, which score 0.
+  const auto x_max = static_cast<float>(field.width() + 2 * field.padding() - 2);
+  const auto y_max = static_cast<float>(field.height() + 2 * field.padding() - 2);
+  const auto evaluate = [&](int i, int j, int k, double volume) {
+    float sum = 0.0F;
+    for (const Eigen::Vector2f& p : turned) {
+      const float u = std::clamp(p.x() + static_cast<float>(i) * step, 0.0F, x_max);
+      const float v = std::clamp(p.y() + static_cast<float>(j) * step, 0.0F, y_max);
+      const int ix = static_cast<int>(u);
+      const int iy = static_cast<int>(v);
+      const float fx = u - static_cast<float>(ix);
+      const float fy = v - static_cast<float>(iy);
+      const std::uint8_t* c = field.level(0) + static_cast<std::size_t>(iy) * field.stride() + ix;
+      const std::uint8_t* above = c + field.stride();
+      const float low = (1.0F - fx) * log_of_byte_[c[0]] + fx * log_of_byte_[c[1]];
+      const float high = (1.0F - fx) * log_of_byte_[above[0]] + fx * log_of_byte_[above[1]];
+      sum += (1.0F - fy) * low + fy * high;
+    }
+    LatticePose pose{per_point * static_cast<double>(sum), i, j, k, volume};
+    if (prior) {
+      const Pose2 T = poseOf(i, j, k);
+      const Eigen::Vector3d e(
+          T.x - prior->T_map_base.x,
+          T.y - prior->T_map_base.y,
+          angleDiff(T.phi, prior->T_map_base.phi));
+      pose.log_response -= 0.5 * std::min(e.dot(prior->information * e), prior->max_d2);
+    }
+    return pose;
+  };
+  const auto better = [](const LatticePose& a, const LatticePose& b) {
+    return a.log_response < b.log_response;
+  };
 
-  const int side = std::max(1, static_cast<int>(std::floor(kSquareCells / step + 1e-9)) + 1);
-  std::vector<Square> squares;
-  for (int k = -n_yaw; k <= n_yaw; ++k) {
-    const auto& at_yaw = turned[static_cast<std::size_t>(k + n_yaw)];
-    for (int j = -n_xy; j <= n_xy; j += side) {
-      for (int i = -n_xy; i <= n_xy; i += side) {
-        float sum = 0.0F;
-        for (const Point2& p : at_yaw) {
-          sum +=
-              log_of_byte_[field.value(kBoundLevel, cellX(p.x + i * step), cellY(p.y + j * step))];
-        }
-        squares.push_back(
-            {per_point * static_cast<double>(sum) + 1e-4,  // rounding of the sums
-             k,
-             i,
-             std::min(i + side, n_xy + 1),
-             j,
-             std::min(j + side, n_xy + 1)});
+  const int cells_xy = (n_xy + kCoarseSteps / 2) / kCoarseSteps;
+  const int cells_yaw = (n_yaw + kCoarseYawSteps / 2) / kCoarseYawSteps;
+  std::vector<LatticePose> coarse;
+  for (int k = -cells_yaw; k <= cells_yaw; ++k) {
+    turn(k * kCoarseYawSteps);
+    for (int j = -cells_xy; j <= cells_xy; ++j) {
+      for (int i = -cells_xy; i <= cells_xy; ++i) {
+        coarse.push_back(evaluate(
+            i * kCoarseSteps,
+            j * kCoarseSteps,
+            k * kCoarseYawSteps,
+            kCoarseSteps * kCoarseSteps * kCoarseYawSteps));
       }
     }
   }
-  std::stable_sort(squares.begin(), squares.end(), [](const Square& a, const Square& b) {
-    return a.bound > b.bound;
-  });
-
+  const double refine_above =
+      std::max_element(coarse.begin(), coarse.end(), better)->log_response - kRefineWithin;
   std::vector<LatticePose> poses;
-  LatticePose best;
-  best.log_response = -1e300;
-  for (const Square& square : squares) {
-    if (square.bound < best.log_response - kNegligible) break;
-    const auto& at_yaw = turned[static_cast<std::size_t>(square.k + n_yaw)];
-    for (int j = square.j_begin; j < square.j_end; ++j) {
-      for (int i = square.i_begin; i < square.i_end; ++i) {
-        float sum = 0.0F;
-        for (const Point2& p : at_yaw) {
-          const double u = p.x + i * step;
-          const double v = p.y + j * step;
-          const int ix = cellX(u);
-          const int iy = cellY(v);
-          const auto fx = static_cast<float>(std::clamp(u - ix, 0.0, 1.0));
-          const auto fy = static_cast<float>(std::clamp(v - iy, 0.0, 1.0));
-          const std::uint8_t* c = field.level(0) + field.index(ix, iy);
-          const std::uint8_t* above = c + field.stride();
-          const float low = (1.0F - fx) * log_of_byte_[c[0]] + fx * log_of_byte_[c[1]];
-          const float high = (1.0F - fx) * log_of_byte_[above[0]] + fx * log_of_byte_[above[1]];
-          sum += (1.0F - fy) * low + fy * high;
+  for (int k = -cells_yaw * kCoarseYawSteps - kCoarseYawSteps / 2;
+       k < cells_yaw * kCoarseYawSteps + kCoarseYawSteps / 2;
+       ++k) {
+    // The coarse cells are in order of k, j, i.
+    const int side = 2 * cells_xy + 1;
+    const int layer = (k + kCoarseYawSteps / 2 + cells_yaw * kCoarseYawSteps) / kCoarseYawSteps;
+    bool is_turned = false;
+    for (int n = layer * side * side; n < (layer + 1) * side * side; ++n) {
+      const LatticePose& cell = coarse[static_cast<std::size_t>(n)];
+      if (cell.log_response < refine_above) {
+        if (cell.k == k) poses.push_back(cell);
+        continue;
+      }
+      if (!is_turned) turn(k);
+      is_turned = true;
+      for (int j = cell.j - kCoarseSteps / 2; j <= cell.j + kCoarseSteps / 2; ++j) {
+        for (int i = cell.i - kCoarseSteps / 2; i <= cell.i + kCoarseSteps / 2; ++i) {
+          poses.push_back(evaluate(i, j, k, 1.0));
         }
-        LatticePose pose{per_point * static_cast<double>(sum), i, j, square.k};
-        if (prior) {
-          const Pose2 T = poseOf(i, j, square.k);
-          const Eigen::Vector3d e(
-              T.x - prior->T_map_base.x,
-              T.y - prior->T_map_base.y,
-              angleDiff(T.phi, prior->T_map_base.phi));
-          pose.log_response -= 0.5 * std::min(e.dot(prior->information * e), prior->max_d2);
-        }
-        poses.push_back(pose);
-        if (pose.log_response > best.log_response) best = pose;
       }
     }
   }
+  const LatticePose best = *std::max_element(poses.begin(), poses.end(), better);
 
   CorrelativeMatch match;
   match.T_map_base = poseOf(best.i, best.j, best.k);
-  match.at_edge = std::abs(best.i) == n_xy || std::abs(best.j) == n_xy || std::abs(best.k) == n_yaw;
+  match.at_edge = std::max(std::abs(best.i), std::abs(best.j)) >= cells_xy * kCoarseSteps ||
+                  std::abs(best.k) >= cells_yaw * kCoarseYawSteps;
   for (const Point2& p : points) match.score += field.at(transform(match.T_map_base, p));
   match.score /= static_cast<double>(points.size());
 
@@ -164,7 +161,7 @@ std::optional<CorrelativeMatch> CorrelativeMatcher::match(
   Eigen::Vector3d u = Eigen::Vector3d::Zero();
   Eigen::Matrix3d K = Eigen::Matrix3d::Zero();
   for (const LatticePose& pose : poses) {
-    const double w = std::exp(pose.log_response - best.log_response);
+    const double w = pose.volume * std::exp(pose.log_response - best.log_response);
     const Eigen::Vector3d x(
         (pose.i - best.i) * params_.step_m,
         (pose.j - best.j) * params_.step_m,

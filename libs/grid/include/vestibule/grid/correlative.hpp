@@ -28,10 +28,11 @@ struct CorrelativeMatch {
   bool at_edge = false;  ///< the best pose lies on the rim of the window: look farther
 };
 
-/// Correlative matching in a small window about a guess, for scan matching (Olson 2009): every yaw
-/// is tried, positions first as squares of cells with an upper bound, then in fine steps with
-/// scores interpolated between cells, but only where they can matter to peak or covariance.
-/// The response is exp(effective_points * mean log(random_share + (1 - random_share) * score)).
+/// Correlative matching in a small window about a guess, for scan matching (Olson 2009): all of a
+/// coarse lattice of 3 steps and 4 yaw steps, then all fine poses of the cells that fit about as
+/// well as the best. Scores are interpolated between cells.
+/// The response is exp(effective_points * mean log(random_share + (1 - random_share) * score)); its
+/// moments are summed over fine poses where there are any and over coarse cells elsewhere.
 class CorrelativeMatcher {
  public:
   explicit CorrelativeMatcher(const CorrelativeParams& params);
