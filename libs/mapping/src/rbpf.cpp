@@ -1,0 +1,378 @@
+#include "vestibule/mapping/rbpf.hpp"
+
+#include <mrpt/bayes/CParticleFilter.h>
+#include <mrpt/bayes/CParticleFilterCapable.h>
+#include <mrpt/bayes/CParticleFilterData.h>
+#include <mrpt/random/RandomGenerators.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <numeric>
+#include <optional>
+#include <unordered_set>
+
+#include "parallel_for.hpp"
+#include "scan_integrator.hpp"
+#include "vestibule/core/angles.hpp"
+#include "vestibule/core/random.hpp"
+#include "vestibule/mapping/scan_matcher.hpp"
+
+namespace vestibule::mapping {
+namespace {
+
+using mrpt::bayes::CParticleFilter;
+
+constexpr double kSlipChi2 = 25.0;      // odometry this far from the scan has slipped
+constexpr double kSlipLeft = 4.0;       // squared distance left to it then
+constexpr double kSearchSigmas = 3.0;   // of odometry, half side of the search
+constexpr double kSearchMargin_m = 0.08;
+constexpr double kSearchMargin_rad = degToRad(2.0);
+constexpr double kMinMatchedShare = 0.25;  // fewer points on walls cannot vouch for a wide search
+constexpr double kClearGain = 2.0;         // log-likelihood by which a wider search must be better
+constexpr double kLongGap_s = 0.5;
+
+struct Particle {
+  Pose2 T_map_base;
+  PatchMap map;
+  double score = 0.0;             // log-likelihood of the whole path
+  Pose2 proposal_mean;
+  Eigen::Matrix3d proposal_root;  // lower triangular; times standard normals = sample
+  std::uint32_t parent = 0;
+};
+
+/// Everything that the particles of one update have in common.
+struct Step {
+  const LaserScan* scan = nullptr;
+  ScanPoints points;
+  Pose2 T_previous_odometry;  // base after the odometry since the last update, in the one then
+  Pose2 T_previous_guess;     // the same as the best particle's scan match says
+  Eigen::Matrix3d odometry_information;  // in the axes of the base
+};
+
+Eigen::Matrix3d rotated(const Eigen::Matrix3d& information, double yaw) {
+  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
+  R.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(yaw).toRotationMatrix();
+  return R * information * R.transpose();
+}
+
+/// MRPT's particle filter over our particles.
+class Filter : public mrpt::bayes::CParticleFilterData<Particle>,
+               public mrpt::bayes::CParticleFilterDataImpl<
+                   Filter,
+                   mrpt::bayes::CParticleFilterData<Particle>::CParticleList> {
+ public:
+  explicit Filter(const FilterParams& params) : params_(params) {
+    std::size_t threads = static_cast<std::size_t>(params.threads);
+    if (threads == 0) threads = std::max(1U, std::thread::hardware_concurrency());
+    threads = std::min(threads, static_cast<std::size_t>(params.particles));
+    for (std::size_t i = 0; i < threads; ++i) {
+      matchers_.emplace_back(params.matcher);
+      integrators_.emplace_back(params.map);
+    }
+  }
+
+  void prediction_and_update_pfOptimalProposal(
+      const mrpt::obs::CActionCollection* /*action*/,
+      const mrpt::obs::CSensoryFrame* /*observation*/,
+      const CParticleFilter::TParticleFilterOptions& options) override {
+    parallelFor(matchers_.size(), m_particles.size(), [&](std::size_t worker, std::size_t i) {
+      Particle& p = *m_particles[i].d;
+      p.parent = static_cast<std::uint32_t>(i);
+      const double log_weight = propose(matchers_[worker], p);
+      p.score += log_weight;
+      m_particles[i].log_w += options.powFactor * log_weight;
+    });
+  }
+
+  /// Draws every particle from its proposal and writes the scan into its map.
+  void sampleAndIntegrate(std::uint64_t seed, std::uint64_t update) {
+    parallelFor(matchers_.size(), m_particles.size(), [&](std::size_t worker, std::size_t i) {
+      Particle& p = *m_particles[i].d;
+      RandomStream stream(
+          derivedSeed(seed, "mapping proposal", update), "particle", static_cast<std::uint64_t>(i));
+      const Eigen::Vector3d normals(stream.normal(), stream.normal(), stream.normal());
+      const Eigen::Vector3d d = params_.proposal_spread * (p.proposal_root * normals);
+      p.T_map_base = {
+          p.proposal_mean.x + d.x(),
+          p.proposal_mean.y + d.y(),
+          wrapToPi(p.proposal_mean.phi + d.z())};
+      integrators_[worker].integrate(p.map, *step.scan, p.T_map_base);
+    });
+  }
+
+  [[nodiscard]] ScanMatcher& matcher() { return matchers_.front(); }
+  [[nodiscard]] ScanIntegrator& integrator() { return integrators_.front(); }
+
+  Step step;
+
+ private:
+  /// Sets the particle's proposal; returns its log weight:
+  /// log of the integral of p(scan | x) p(x | odometry), by Laplace's method at its maximum.
+  double propose(ScanMatcher& matcher, Particle& p) const {
+    PosePrior prior;
+    prior.mean = compose(p.T_map_base, step.T_previous_odometry);
+    prior.information = rotated(step.odometry_information, p.T_map_base.phi);
+    const Pose2 guess = compose(p.T_map_base, step.T_previous_guess);
+    Refinement best = matcher.refine(p.map, step.points, guess, prior);
+    ScanFit fit = matcher.fit(p.map, step.points, best.T_map_base);
+    if (fit.known_share < params_.matcher.poor_share) {
+      // This particle's map differs from the best one's: it searches for itself.
+      const Pose2 found = matcher.search(
+          p.map, step.points, prior, params_.matcher.window_m, params_.matcher.window_rad);
+      const Refinement other = matcher.refine(p.map, step.points, found, prior);
+      const ScanFit other_fit = matcher.fit(p.map, step.points, other.T_map_base);
+      if (other_fit.log_likelihood - 0.5 * other.prior_chi2 >
+          fit.log_likelihood - 0.5 * best.prior_chi2) {
+        best = other;
+        fit = other_fit;
+      }
+    }
+    const Eigen::Matrix3d posterior = best.information + prior.information;
+    const Eigen::Matrix3d covariance = posterior.inverse();
+    p.proposal_mean = best.T_map_base;
+    p.proposal_root = covariance.llt().matrixL();
+    const double log_volume =
+        0.5 * std::log(prior.information.determinant() / posterior.determinant());
+    return fit.log_likelihood - 0.5 * best.prior_chi2 + log_volume;
+  }
+
+  FilterParams params_;
+  std::vector<ScanMatcher> matchers_;
+  std::vector<ScanIntegrator> integrators_;
+};
+
+}  // namespace
+
+struct Rbpf::Impl {
+  FilterParams params;
+  std::uint64_t seed;
+  const Observers* observers;
+  Filter filter;
+  CParticleFilter driver;
+  std::vector<Generation> generations;
+
+  std::size_t scans = 0;
+  Timestamp last_stamp;
+  std::optional<Pose2> T_odom_last;    // at the last scan
+  std::optional<Pose2> T_odom_update;  // at the last used scan
+  Timestamp update_stamp;
+  double trans_since_m = 0.0;          // driven since the last used scan
+  double rot_since_rad = 0.0;
+  double turned_rad = 0.0;
+
+  Impl(const FilterParams& p, std::uint64_t s, const Observers* o)
+      : params(p), seed(s), observers(o), filter(p) {
+    filter.m_particles.resize(static_cast<std::size_t>(params.particles));
+    for (auto& particle : filter.m_particles) {
+      particle.d.reset(new Particle);
+      particle.d->map =
+          PatchMap(params.map.resolution_m, params.map.occupied_ratio, params.map.max_count);
+    }
+    driver.m_options.PF_algorithm = CParticleFilter::pfOptimalProposal;
+    driver.m_options.resamplingMethod = CParticleFilter::prSystematic;
+    driver.m_options.BETA = params.resample_below;
+    driver.m_options.sampleSize = static_cast<unsigned>(params.particles);
+  }
+
+  [[nodiscard]] std::size_t best() const {
+    std::size_t index = 0;
+    for (std::size_t i = 1; i < filter.m_particles.size(); ++i) {
+      const auto& a = filter.m_particles[i];
+      const auto& b = filter.m_particles[index];
+      if (a.log_w > b.log_w || (a.log_w == b.log_w && a.d->score > b.d->score)) index = i;
+    }
+    return index;
+  }
+
+  void follow(const Pose2& T_odom_base) {
+    if (T_odom_last) {
+      const Pose2 step = between(*T_odom_last, T_odom_base);
+      trans_since_m += translationNorm(step);
+      rot_since_rad += std::abs(step.phi);
+      turned_rad += step.phi;
+    }
+    T_odom_last = T_odom_base;
+  }
+
+  /// Covariance of the motion since the last update, in the axes of the base then.
+  [[nodiscard]] Eigen::Matrix3d odometryCovariance() const {
+    const OdometryNoise& n = params.odometry;
+    const double trans = std::hypot(
+        n.min_trans_m, n.trans_per_trans * trans_since_m, n.trans_per_rot * rot_since_rad);
+    const double rot = std::hypot(
+        n.min_rot_rad, n.rot_per_trans * trans_since_m, n.rot_per_rot * rot_since_rad);
+    return Eigen::Vector3d(trans * trans, trans * trans, rot * rot).asDiagonal();
+  }
+
+  /// Matches the scan with the best particle's map: what all particles start from.
+  MapReport lookAhead(const LaserScan& scan, double gap_s) {
+    const MatcherParams& m = params.matcher;
+    const Particle& p = *filter.m_particles[best()].d;
+    Step& step = filter.step;
+    Eigen::Matrix3d covariance = odometryCovariance();
+    PosePrior prior;
+    prior.mean = compose(p.T_map_base, step.T_previous_odometry);
+    prior.information = rotated(covariance.inverse(), p.T_map_base.phi);
+    ScanMatcher& matcher = filter.matcher();
+
+    struct Try {
+      Pose2 T;
+      ScanFit fit;
+    };
+    const PosePrior free{prior.mean, 1e-3 * prior.information};
+    const auto attempt = [&](double window_m, double window_rad) {
+      const Pose2 found = matcher.search(p.map, step.points, prior, window_m, window_rad);
+      Try t;
+      t.T = matcher.refine(p.map, step.points, found, free).T_map_base;
+      t.fit = matcher.fit(p.map, step.points, t.T);
+      return t;
+    };
+    const double sigma_m = std::sqrt(covariance(0, 0));
+    const double sigma_rad = std::sqrt(covariance(2, 2));
+    const bool long_gap = gap_s > kLongGap_s;
+    Try match = long_gap ? attempt(m.window_m, m.window_rad)
+                         : attempt(
+                               std::min(m.window_m, kSearchSigmas * sigma_m + kSearchMargin_m),
+                               std::min(
+                                   m.window_rad, kSearchSigmas * sigma_rad + kSearchMargin_rad));
+    if (match.fit.known_share < m.poor_share) {
+      const Try wide = attempt(m.wide_window_m, m.wide_window_rad);
+      if (wide.fit.matched_share > kMinMatchedShare && wide.fit.known_share >= m.poor_share &&
+          wide.fit.log_likelihood > match.fit.log_likelihood + kClearGain) {
+        match = wide;
+      }
+    }
+    MapReport report;
+    report.known_share = match.fit.known_share;
+    step.T_previous_guess = between(p.T_map_base, match.T);
+    // Directions in which the scan says nothing follow the odometry, so only a seen contradiction
+    // counts.
+    const Eigen::Vector3d d(
+        match.T.x - prior.mean.x, match.T.y - prior.mean.y, angleDiff(match.T.phi, prior.mean.phi));
+    const double chi2 = d.dot(prior.information * d);
+    if (chi2 > kSlipChi2 && match.fit.known_share >= m.poor_share) {
+      covariance *= chi2 / kSlipLeft;
+      report.slipped = true;
+      if (observers != nullptr) {
+        observers->emit(WarningEvent{
+            scan.stamp, "mapping", "scan contradicts odometry", std::hypot(d.x(), d.y()), 0.0});
+      }
+    }
+    step.odometry_information = covariance.inverse();
+    return report;
+  }
+
+  void record() {
+    Generation g;
+    g.scan = scans - 1;
+    for (const auto& particle : filter.m_particles) {
+      g.parents.push_back(particle.d->parent);
+      g.poses.push_back(particle.d->T_map_base);
+      g.log_weights.push_back(particle.log_w);
+      g.scores.push_back(particle.d->score);
+    }
+    generations.push_back(std::move(g));
+  }
+
+  void restartMotion(const LaserScan& scan, const Pose2& T_odom_base) {
+    T_odom_update = T_odom_base;
+    update_stamp = scan.stamp;
+    trans_since_m = rot_since_rad = turned_rad = 0.0;
+  }
+
+  MapReport first(const LaserScan& scan, const Pose2& T_odom_base) {
+    // All start alike: one map, shared.
+    Particle& p = *filter.m_particles.front().d;
+    filter.integrator().integrate(p.map, scan, p.T_map_base);
+    for (auto& particle : filter.m_particles) {
+      if (particle.d.get() != &p) *particle.d = p;
+    }
+    record();
+    restartMotion(scan, T_odom_base);
+    MapReport report;
+    report.used = true;
+    report.effective_particles = params.particles;
+    report.known_share = 1.0;
+    return report;
+  }
+
+  [[nodiscard]] bool due(double gap_s) const {
+    return trans_since_m >= params.update_d_m || std::abs(turned_rad) >= params.update_a_rad ||
+           gap_s > params.update_max_s;
+  }
+
+  MapReport process(const LaserScan& scan, const Pose2& T_odom_base) {
+    ++scans;
+    follow(T_odom_base);
+    if (!T_odom_update) return first(scan, T_odom_base);
+    const double gap_s = std::abs(toSeconds(scan.stamp - last_stamp));
+    last_stamp = scan.stamp;
+    if (!due(0.0)) return {};
+    Step& step = filter.step;
+    step.scan = &scan;
+    step.points = matchPoints(scan, params.matcher);
+    step.T_previous_odometry = between(*T_odom_update, T_odom_base);
+    MapReport report = lookAhead(scan, gap_s);
+    report.used = true;
+
+    const std::uint64_t update = generations.size();
+    driver.m_options.powFactor = 1.0;
+    // MRPT draws from one generator per thread: give it a state that depends on us alone.
+    mrpt::random::getRandomGenerator() = mrpt::random::CRandomGenerator(
+        static_cast<std::uint32_t>(derivedSeed(seed, "mapping resampling", update)));
+    CParticleFilter::TParticleFilterStats stats;
+    driver.executeOn(filter, nullptr, nullptr, &stats);
+    report.effective_particles = stats.ESS_beforeResample * params.particles;
+    report.resampled = stats.ESS_beforeResample < params.resample_below;
+    filter.sampleAndIntegrate(seed, update);
+    record();
+    restartMotion(scan, T_odom_base);
+    return report;
+  }
+};
+
+Rbpf::Rbpf(const FilterParams& params, std::uint64_t seed, const Observers* observers)
+    : impl_(std::make_unique<Impl>(params, seed, observers)) {}
+Rbpf::~Rbpf() = default;
+
+MapReport Rbpf::process(const LaserScan& scan, const Pose2& T_odom_base) {
+  return impl_->process(scan, T_odom_base);
+}
+
+std::size_t Rbpf::best() const { return impl_->best(); }
+const PatchMap& Rbpf::bestMap() const { return impl_->filter.m_particles[best()].d->map; }
+
+Pose2 Rbpf::pose() const {
+  const Particle& p = *impl_->filter.m_particles[best()].d;
+  if (!impl_->T_odom_update) return p.T_map_base;
+  return compose(p.T_map_base, between(*impl_->T_odom_update, *impl_->T_odom_last));
+}
+
+const std::vector<Generation>& Rbpf::generations() const { return impl_->generations; }
+
+std::vector<Pose2> Rbpf::bestPath() const {
+  const auto& generations = impl_->generations;
+  std::vector<Pose2> path(generations.size());
+  std::size_t index = best();
+  for (std::size_t g = generations.size(); g-- > 0;) {
+    path[g] = generations[g].poses[index];
+    index = generations[g].parents[index];
+  }
+  return path;
+}
+
+std::size_t Rbpf::patchBytes() const {
+  std::unordered_set<const Patch*> patches;
+  for (const auto& particle : impl_->filter.m_particles) {
+    for (const PatchRef& ref : particle.d->map.table()) {
+      if (ref.get() != nullptr) patches.insert(ref.get());
+    }
+  }
+  return patches.size() * sizeof(Patch);
+}
+
+}  // namespace vestibule::mapping
