@@ -9,6 +9,7 @@
 #include "run_output.hpp"
 #include "vestibule/pipeline/fuse.hpp"
 #include "vestibule/pipeline/localize.hpp"
+#include "vestibule/pipeline/map.hpp"
 #include "vestibule/pipeline/mission.hpp"
 
 namespace vestibule::app {
@@ -39,6 +40,27 @@ struct FuseArguments {
 };
 [[nodiscard]] gui_headless::ReportSection runFuse(
     const FuseArguments& args, RunOutput& output, pipeline::FuseResult& result);
+
+struct MapArguments {
+  std::string log;  ///< empty: only `cut` a session out of `extend`
+  std::string config;
+  std::string gmapping_params;
+  std::optional<int> particles;
+  std::optional<Pose2> init;
+  std::string extend;      ///< output folder of an earlier map run
+  std::optional<int> cut;  ///< session that is left out
+  bool resume = false;
+  bool georeference = false;
+  int preview_scans = 0;
+  std::string out;
+};
+/// The configuration with what the command line says on top.
+[[nodiscard]] pipeline::Config mapConfig(const MapArguments& args);
+/// The frames of the earlier map without the session to cut. Throws ConfigError for a session that
+/// is not there, or is the only one.
+[[nodiscard]] std::vector<io::MapFrame> earlierFrames(const MapArguments& args);
+[[nodiscard]] std::pair<pipeline::MapDriveResult, gui_headless::ReportSection> runMap(
+    const MapArguments& args, const pipeline::Config& config, RunOutput& output);
 
 struct MissionArguments {
   std::string mission;

@@ -3,6 +3,7 @@
 #include <chrono>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "vestibule/pipeline/progress.hpp"
@@ -29,6 +30,8 @@ class ProgressBar {
   ~ProgressBar();
 
   [[nodiscard]] pipeline::Progress callback();
+  /// What is going on, from now on.
+  void setLabel(std::string label) { label_ = std::move(label); }
   /// Wall time since construction [s].
   [[nodiscard]] double wallSeconds() const;
 

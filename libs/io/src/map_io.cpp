@@ -1,9 +1,7 @@
 #include "vestibule/io/map_io.hpp"
 
-#include <mrpt/io/CFileGZInputStream.h>
 #include <mrpt/maps/COccupancyGridMap2D.h>
 #include <mrpt/maps/CSimpleMap.h>
-#include <mrpt/serialization/CArchive.h>
 
 #include <cmath>
 #include <filesystem>
@@ -13,6 +11,7 @@
 
 #include "byte_stream.hpp"
 #include "map_yaml.hpp"
+#include "mrpt_object.hpp"
 #include "vestibule/core/errors.hpp"
 
 namespace vestibule::io {
@@ -102,23 +101,6 @@ grid::OccupancyMap loadMapServer(const std::string& path) {
       image.cols, image.rows, yaml.resolution, {0.0, 0.0}, cells, yaml.T_map_corner);
 }
 
-/// Reads one MRPT object; InputError for anything but a sound file of that class.
-template <class T>
-void readMrptObject(const std::string& path, T& object, const std::string& what) {
-  (void)openFile(path);  // tells missing and empty files apart from damaged ones
-  std::string reason;
-  try {
-    mrpt::io::CFileGZInputStream stream(path);
-    auto archive = mrpt::serialization::archiveFrom(stream);
-    archive >> object;
-    return;
-  } catch (const std::exception& e) {
-    reason = e.what();
-    reason = reason.substr(0, reason.find('\n'));
-  }
-  throw InputError(path + ": not a readable " + what + " (" + reason + "); export it again");
-}
-
 /// Cells of an MRPT grid decided into three kinds, on a grid that starts at its corner. MRPT itself
 /// takes every cell on the occupied side of 0.5 for an obstacle; cells this near to it are unknown.
 grid::OccupancyMap fromMrptGrid(const COccupancyGridMap2D& source) {
@@ -172,7 +154,8 @@ void saveMapServer(
     const grid::OccupancyMap& map,
     const std::string& yaml_path,
     const std::string& image_path,
-    const std::string& image_name) {
+    const std::string& image_name,
+    const std::optional<MapGeoreference>& georeference) {
   const int width = map.width();
   const int height = map.height();
   std::string pixels;
@@ -196,7 +179,8 @@ void saveMapServer(
   yaml << formatMapYaml(
       image_name.empty() ? fs::path(image_path).filename().string() : image_name,
       map.resolution(),
-      T_map_corner);
+      T_map_corner,
+      georeference);
   yaml.close();
   if (!yaml) throw InputError(yaml_path + ": cannot be written; check the folder and the disk");
 }

@@ -2,6 +2,9 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <initializer_list>
+
+#include "vestibule/core/angles.hpp"
 
 namespace vestibule::io {
 namespace {
@@ -37,6 +40,23 @@ MapYaml finish(ParamFile& file) {
 
 }  // namespace
 
+void describe(ParamIo& io, MapGeoreference& g) {
+  std::vector<double> datum{g.datum.lat_deg, g.datum.lon_deg, g.datum.height_m};
+  io.required("datum", datum, 3, 3);
+  if (datum.size() == 3) g.datum = {datum[0], datum[1], datum[2]};
+  io.required("T_map_grid", g.T_map_grid);
+  std::vector<std::vector<double>> rows;
+  for (int i = 0; i < 3; ++i) rows.push_back({g.cov(i, 0), g.cov(i, 1), g.cov(i, 2)});
+  io.optional("covariance", rows, 3);
+  if (rows.size() != 3) {
+    io.problem("covariance", "must have three rows: x, y [m^2], yaw [rad^2]");
+    return;
+  }
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) g.cov(i, j) = rows[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];
+  }
+}
+
 void describe(ParamIo& io, MapYaml& yaml) {
   io.required("image", yaml.image);
   yaml.image_ref = io.here("image");
@@ -63,6 +83,7 @@ void describe(ParamIo& io, MapYaml& yaml) {
   // Costmap tools read this one; it says nothing about what is occupied.
   std::string cost_table;
   if (io.has("cost_translation_table")) io.optional("cost_translation_table", cost_table);
+  io.section("georeference", yaml.georeference);
   if (yaml.free_thresh > yaml.occupied_thresh) {
     io.problem("free_thresh", "must not be above occupied_thresh");
   }
@@ -79,10 +100,27 @@ MapYaml parseMapYaml(const std::string& text, const std::string& name) {
 }
 
 std::string formatMapYaml(
-    const std::string& image, double resolution_m, const Pose2& T_map_corner) {
-  return "image: " + image + "\nmode: trinary\nresolution: " + shortestSingle(resolution_m) +
-         "\norigin: [" + shortest(T_map_corner.x) + ", " + shortest(T_map_corner.y) + ", " +
-         shortest(T_map_corner.phi) + "]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n";
+    const std::string& image,
+    double resolution_m,
+    const Pose2& T_map_corner,
+    const std::optional<MapGeoreference>& georeference) {
+  std::string text =
+      "image: " + image + "\nmode: trinary\nresolution: " + shortestSingle(resolution_m) +
+      "\norigin: [" + shortest(T_map_corner.x) + ", " + shortest(T_map_corner.y) + ", " +
+      shortest(T_map_corner.phi) + "]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n";
+  if (!georeference) return text;
+  const MapGeoreference& g = *georeference;
+  const auto list = [](std::initializer_list<double> values) {
+    std::string items;
+    for (const double value : values) items += (items.empty() ? "" : ", ") + shortest(value);
+    return "[" + items + "]";
+  };
+  text += "georeference:  # T_map_grid: x_m, y_m, yaw_deg of the grid in ENU at the datum\n  datum: " +
+          list({g.datum.lat_deg, g.datum.lon_deg, g.datum.height_m}) + "\n  T_map_grid: " +
+          list({g.T_map_grid.x, g.T_map_grid.y, radToDeg(g.T_map_grid.phi)}) +
+          "\n  covariance:  # x, y [m^2], yaw [rad^2]\n";
+  for (int i = 0; i < 3; ++i) text += "    - " + list({g.cov(i, 0), g.cov(i, 1), g.cov(i, 2)}) + "\n";
+  return text;
 }
 
 }  // namespace vestibule::io

@@ -1,9 +1,11 @@
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "vestibule/core/frames.hpp"
 #include "vestibule/core/params.hpp"
+#include "vestibule/io/map_io.hpp"
 
 namespace vestibule::io {
 
@@ -18,14 +20,19 @@ struct MapYaml {
   bool negate = false;
   double occupied_thresh = 0.65;
   double free_thresh = 0.196;
+  std::optional<MapGeoreference> georeference;
   SourceRef image_ref;  ///< where the image is named
 };
 
+void describe(ParamIo& io, MapGeoreference& georeference);
 void describe(ParamIo& io, MapYaml& yaml);
 /// Throws ConfigError with file:line of every problem.
 [[nodiscard]] MapYaml readMapYaml(const std::string& path);
 [[nodiscard]] MapYaml parseMapYaml(const std::string& text, const std::string& name);
 [[nodiscard]] std::string formatMapYaml(
-    const std::string& image, double resolution_m, const Pose2& T_map_corner);
+    const std::string& image,
+    double resolution_m,
+    const Pose2& T_map_corner,
+    const std::optional<MapGeoreference>& georeference = {});
 
 }  // namespace vestibule::io

@@ -14,6 +14,7 @@
 #include <cmath>
 #include <limits>
 
+#include "mrpt_scan.hpp"
 #include "mrpt_time.hpp"
 #include "readers.hpp"
 #include "vestibule/core/angles.hpp"
@@ -25,7 +26,6 @@ namespace {
 using namespace mrpt::obs;
 
 // A scan plane tilted more than this is no horizontal section of the room.
-constexpr double kMaxTilt_rad = 10.0 * kRadPerDeg;
 
 /// MRPT's stream interface on a ByteStream, with one byte of look-ahead: at an object border that
 /// tells the end of the file from an object that is cut off.
@@ -64,30 +64,6 @@ class PeekStream : public mrpt::io::CStream {
   bool has_peeked_ = false;
   uint64_t position_ = 0;
 };
-
-/// Empty for a scan plane that is not horizontal.
-std::optional<LaserScan> toScan(const CObservation2DRangeScan& obs) {
-  const auto R = obs.sensorPose.getRotationMatrix();
-  const bool upside_down = R(2, 2) < 0.0;
-  if (std::abs(R(2, 2)) < std::cos(kMaxTilt_rad)) return std::nullopt;
-  LaserScan scan;
-  scan.stamp = fromMrpt(obs.timestamp);
-  const std::size_t n = obs.getScanSize();
-  const double aperture = static_cast<double>(obs.aperture);
-  scan.angle_min_rad = -aperture / 2.0;
-  scan.angle_step_rad = n < 2 ? aperture : aperture / static_cast<double>(n - 1);
-  scan.range_max_m = static_cast<double>(obs.maxRange);
-  scan.ranges_m.resize(n);
-  for (std::size_t i = 0; i < n; ++i) {
-    scan.ranges_m[i] =
-        obs.getScanRangeValidity(i) ? obs.getScanRange(i) : std::numeric_limits<float>::quiet_NaN();
-  }
-  // Counter-clockwise seen from above: a clockwise device or one hanging head down is turned
-  // round, one that is both is not.
-  if (obs.rightToLeft == upside_down) std::reverse(scan.ranges_m.begin(), scan.ranges_m.end());
-  scan.T_base_laser = {obs.sensorPose.x(), obs.sensorPose.y(), std::atan2(R(1, 0), R(0, 0))};
-  return scan;
-}
 
 std::optional<GnssFix> toFix(const CObservationGPS& obs) {
   using mrpt::obs::gnss::Message_NMEA_GGA;
@@ -216,7 +192,7 @@ class RawlogReader : public RecordingReader {
 
   void take(const CObservation& observation) {
     if (const auto* scan = dynamic_cast<const CObservation2DRangeScan*>(&observation)) {
-      auto converted = toScan(*scan);
+      auto converted = fromMrpt(*scan);
       if (!converted) {
         notes_.add("scans of a tilted laser ignored", number_);
         return;

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <map>
 
+#include "mrpt_scan.hpp"
 #include "mrpt_time.hpp"
 #include "vestibule/core/angles.hpp"
 #include "vestibule/core/errors.hpp"
@@ -37,26 +38,6 @@ int qualityOf(GnssFixType type) {
       break;
   }
   return 8;  // NMEA's "simulated": read back as unknown
-}
-
-CObservation2DRangeScan toMrptScan(const LaserScan& scan) {
-  CObservation2DRangeScan obs;
-  const std::size_t n = scan.ranges_m.size();
-  obs.resizeScanAndAssign(n, 0.0F, false);
-  for (std::size_t i = 0; i < n; ++i) {
-    const bool valid = scan.valid(i);
-    obs.setScanRangeValidity(i, valid);
-    obs.setScanRange(i, valid ? scan.ranges_m[i] : 0.0F);
-  }
-  const double span = n < 2 ? 0.0 : static_cast<double>(n - 1) * scan.angle_step_rad;
-  obs.aperture = static_cast<float>(std::abs(span));
-  obs.rightToLeft = scan.angle_step_rad >= 0.0;
-  obs.maxRange = static_cast<float>(scan.range_max_m);
-  // MRPT's beams lie symmetric about the sensor's x axis: what is left over goes into its yaw.
-  const double centre = scan.angle_min_rad + span / 2.0;
-  obs.sensorPose = mrpt::poses::CPose3D(
-      scan.T_base_laser.x, scan.T_base_laser.y, 0.0, wrapToPi(scan.T_base_laser.phi + centre));
-  return obs;
 }
 
 }  // namespace
@@ -120,7 +101,7 @@ struct RawlogWriter::Impl {
     put(obs, m.stamp, label);
   }
   void write(const LaserScan& m, const std::string& label) {
-    auto obs = toMrptScan(m);
+    auto obs = toMrpt(m);
     put(obs, m.stamp, label);
   }
 };

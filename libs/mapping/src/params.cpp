@@ -1,5 +1,7 @@
 #include "vestibule/mapping/params.hpp"
 
+#include "vestibule/mapping/mapping_params.hpp"
+
 namespace vestibule::mapping {
 
 void describe(ParamIo& io, FilterMapParams& p) {
@@ -38,13 +40,21 @@ void describe(ParamIo& io, FilterParams& p) {
   io.optional("particles", p.particles, within(1, 10000));
   io.optional("update_d_m", p.update_d_m, positive());
   io.optionalDegrees("update_a_deg", p.update_a_rad, positive());
-  io.optional("update_max_s", p.update_max_s, positive());
+  io.optional("update_max_s", p.update_max_s, nonNegative());
   io.optional("resample_below", p.resample_below, within(0.0, 1.0));
+  io.optional("weight_power", p.weight_power, within(0.0, 1.0));
   io.optional("proposal_spread", p.proposal_spread, nonNegative());
   io.optional("threads", p.threads, within(0, 256));
   io.section("map", p.map);
   io.section("odometry", p.odometry);
   io.section("matcher", p.matcher);
+}
+
+void describe(ParamIo& io, MappingParams& p) {
+  describe(io, p.known_poses);
+  io.section("filter", p.filter);
+  io.section("gmapping", p.gmapping);
+  if (!io.writing()) p.gmapping.applyTo(p.filter);
 }
 
 }  // namespace vestibule::mapping

@@ -13,6 +13,12 @@ std::uint16_t towards(std::uint16_t mean, double fraction, int hits) {
   return static_cast<std::uint16_t>(std::clamp(std::lround(moved), 0L, 65535L));
 }
 
+/// The ratio stays, newer scans count more.
+void forget(PointCell& cell) {
+  cell.visits = static_cast<std::uint16_t>(cell.visits / 2);
+  cell.hits = static_cast<std::uint16_t>(cell.hits / 2);
+}
+
 }  // namespace
 
 PatchMap::PatchMap(double resolution_m, double occupied_ratio, int max_count)
@@ -21,37 +27,29 @@ PatchMap::PatchMap(double resolution_m, double occupied_ratio, int max_count)
       occupied_ratio_(occupied_ratio),
       max_count_(max_count) {}
 
-void PatchMap::addHit(double x_cells, double y_cells, bool counts) {
+void PatchMap::Writer::addHit(double x_cells, double y_cells, bool counts) {
   const double fx = std::floor(x_cells);
   const double fy = std::floor(y_cells);
   const int ix = static_cast<int>(fx);
   const int iy = static_cast<int>(fy);
-  Patch& patch = ownPatch(ix, iy);
+  Patch& patch = patchOf(ix, iy);
   PointCell& cell = patch.cells[indexInPatch(ix, iy)];
-  if (counts && cell.visits >= max_count_) {  // halve both: the ratio stays, newer scans count more
-    cell.visits = static_cast<std::uint16_t>(cell.visits / 2);
-    cell.hits = static_cast<std::uint16_t>(cell.hits / 2);
-  }
   if (counts) {
+    if (cell.visits >= map_.max_count_) forget(cell);
     ++cell.hits;
     ++cell.visits;
   }
   const int weight = counts ? cell.hits : cell.hits + 1;
   cell.mean_x = towards(cell.mean_x, x_cells - fx, weight);
   cell.mean_y = towards(cell.mean_y, y_cells - fy, weight);
-  refresh(patch, ix, iy);
+  map_.refresh(patch, ix, iy);
 }
 
-void PatchMap::addFree(int ix, int iy) {
-  Patch& patch = ownPatch(ix, iy);
+void PatchMap::Writer::addFreeToWall(Patch& patch, int ix, int iy) {
   PointCell& cell = patch.cells[indexInPatch(ix, iy)];
-  if (cell.visits >= max_count_) {
-    if (cell.hits == 0) return;
-    cell.visits = static_cast<std::uint16_t>(cell.visits / 2);
-    cell.hits = static_cast<std::uint16_t>(cell.hits / 2);
-  }
+  if (cell.visits >= map_.max_count_) forget(cell);
   ++cell.visits;
-  if (cell.hits > 0) refresh(patch, ix, iy);
+  map_.refresh(patch, ix, iy);
 }
 
 void PatchMap::refresh(Patch& patch, int ix, int iy) const {
@@ -61,9 +59,7 @@ void PatchMap::refresh(Patch& patch, int ix, int iy) const {
   row = occupied(patch.cells[indexInPatch(ix, iy)]) ? row | bit : row & ~bit;
 }
 
-Patch& PatchMap::ownPatch(int ix, int iy) {
-  const int px = ix >> Patch::kBits;
-  const int py = iy >> Patch::kBits;
+Patch& PatchMap::ownPatch(int px, int py) {
   if (px < px0_ || py < py0_ || px >= px0_ + columns_ || py >= py0_ + rows_) growTo(px, py);
   return table_[static_cast<std::size_t>(py - py0_) * static_cast<std::size_t>(columns_) +
                 static_cast<std::size_t>(px - px0_)]

@@ -155,11 +155,15 @@ struct Rbpf::Impl {
   CParticleFilter driver;
   std::vector<Generation> generations;
 
+  std::vector<Generation> recorded;          // of an earlier run of the same drive
+  std::vector<std::vector<char>> descended;  // per recorded generation and particle: has heirs
+  std::optional<PatchMap> start_map;
+
   std::size_t scans = 0;
   Timestamp last_stamp;
   std::optional<Pose2> T_odom_last;    // at the last scan
   std::optional<Pose2> T_odom_update;  // at the last used scan
-  Timestamp update_stamp;
+  Timestamp look_stamp;                // of the last scan that was used or looked at
   double trans_since_m = 0.0;          // driven since the last used scan
   double rot_since_rad = 0.0;
   double turned_rad = 0.0;
@@ -266,9 +270,10 @@ struct Rbpf::Impl {
     return report;
   }
 
-  void record() {
+  void record(const MapReport& report) {
     Generation g;
     g.scan = scans - 1;
+    g.report = report;
     for (const auto& particle : filter.m_particles) {
       g.parents.push_back(particle.d->parent);
       g.poses.push_back(particle.d->T_map_base);
@@ -278,31 +283,92 @@ struct Rbpf::Impl {
     generations.push_back(std::move(g));
   }
 
+  /// Marks the recorded particles that the last generation descends from: only they need a map.
+  void markDescent() {
+    descended.assign(recorded.size(), {});
+    std::vector<char> heirs(static_cast<std::size_t>(params.particles), 1);
+    for (std::size_t g = recorded.size(); g-- > 0;) {
+      descended[g] = heirs;
+      std::vector<char> before(heirs.size(), 0);
+      for (std::size_t i = 0; i < heirs.size(); ++i) {
+        if (heirs[i] != 0) before[recorded[g].parents[i]] = 1;
+      }
+      heirs = std::move(before);
+    }
+  }
+
+  /// Repeats the outcome of a recorded update.
+  void repeat(const Generation& g, const LaserScan& scan) {
+    auto& particles = filter.m_particles;
+    const std::vector<char>& heirs = descended[generations.size()];
+    Filter::CParticleList next(particles.size());
+    for (std::size_t i = 0; i < next.size(); ++i) {
+      next[i].log_w = g.log_weights[i];
+      next[i].d.reset(new Particle);
+      Particle& p = *next[i].d;
+      p.T_map_base = g.poses[i];
+      p.score = g.scores[i];
+      p.parent = g.parents[i];
+      if (heirs[i] != 0) p.map = particles[g.parents[i]].d->map;
+    }
+    particles = std::move(next);
+    for (std::size_t i = 0; i < particles.size(); ++i) {
+      if (heirs[i] != 0) {
+        filter.integrator().integrate(particles[i].d->map, scan, particles[i].d->T_map_base);
+      }
+    }
+    generations.push_back(g);
+  }
+
   void restartMotion(const LaserScan& scan, const Pose2& T_odom_base) {
     T_odom_update = T_odom_base;
-    update_stamp = scan.stamp;
+    look_stamp = scan.stamp;
     trans_since_m = rot_since_rad = turned_rad = 0.0;
   }
 
   MapReport first(const LaserScan& scan, const Pose2& T_odom_base) {
     // All start alike: one map, shared.
     Particle& p = *filter.m_particles.front().d;
+    if (start_map) {
+      p.map = *start_map;
+      start_map.reset();
+      const MatcherParams& m = params.matcher;
+      const ScanPoints points = matchPoints(scan, m);
+      const PosePrior nearby{p.T_map_base, Eigen::Matrix3d::Identity() * 1e-3};
+      const Pose2 found =
+          filter.matcher().search(p.map, points, nearby, m.wide_window_m, m.wide_window_rad);
+      p.T_map_base = filter.matcher().refine(p.map, points, found, nearby).T_map_base;
+    }
     filter.integrator().integrate(p.map, scan, p.T_map_base);
     for (auto& particle : filter.m_particles) {
       if (particle.d.get() != &p) *particle.d = p;
     }
-    record();
-    restartMotion(scan, T_odom_base);
     MapReport report;
     report.used = true;
     report.effective_particles = params.particles;
     report.known_share = 1.0;
+    record(report);
+    restartMotion(scan, T_odom_base);
     return report;
   }
 
-  [[nodiscard]] bool due(double gap_s) const {
+  /// A robot that was pushed, or whose wheels say nothing: the scan no longer fits.
+  [[nodiscard]] bool movedUnnoticed(const LaserScan& scan, const Pose2& T_odom_base) {
+    if (params.update_max_s <= 0.0 ||
+        std::abs(toSeconds(scan.stamp - look_stamp)) < params.update_max_s) {
+      return false;
+    }
+    look_stamp = scan.stamp;
+    const Particle& p = *filter.m_particles[best()].d;
+    const Pose2 expected = compose(p.T_map_base, between(*T_odom_update, T_odom_base));
+    const ScanFit fit =
+        filter.matcher().fit(p.map, matchPoints(scan, params.matcher), expected);
+    return fit.known_share < params.matcher.poor_share;
+  }
+
+  [[nodiscard]] bool due(const LaserScan& scan, const Pose2& T_odom_base) {
     return trans_since_m >= params.update_d_m || std::abs(turned_rad) >= params.update_a_rad ||
-           gap_s > params.update_max_s;
+           movedUnnoticed(scan, T_odom_base);
   }
 
   MapReport process(const LaserScan& scan, const Pose2& T_odom_base) {
@@ -311,7 +377,17 @@ struct Rbpf::Impl {
     if (!T_odom_update) return first(scan, T_odom_base);
     const double gap_s = std::abs(toSeconds(scan.stamp - last_stamp));
     last_stamp = scan.stamp;
-    if (!due(0.0)) return {};
+    const bool repeating = generations.size() < recorded.size();
+    if (repeating ? recorded[generations.size()].scan != scans - 1 : !due(scan, T_odom_base)) {
+      return {};
+    }
+    if (repeating) {
+      repeat(recorded[generations.size()], scan);
+      restartMotion(scan, T_odom_base);
+      MapReport report = generations.back().report;
+      report.repeated = true;
+      return report;
+    }
     Step& step = filter.step;
     step.scan = &scan;
     step.points = matchPoints(scan, params.matcher);
@@ -320,7 +396,7 @@ struct Rbpf::Impl {
     report.used = true;
 
     const std::uint64_t update = generations.size();
-    driver.m_options.powFactor = 1.0;
+    driver.m_options.powFactor = params.weight_power;
     // MRPT draws from one generator per thread: give it a state that depends on us alone.
     mrpt::random::getRandomGenerator() = mrpt::random::CRandomGenerator(
         static_cast<std::uint32_t>(derivedSeed(seed, "mapping resampling", update)));
@@ -329,7 +405,7 @@ struct Rbpf::Impl {
     report.effective_particles = stats.ESS_beforeResample * params.particles;
     report.resampled = stats.ESS_beforeResample < params.resample_below;
     filter.sampleAndIntegrate(seed, update);
-    record();
+    record(report);
     restartMotion(scan, T_odom_base);
     return report;
   }
@@ -341,6 +417,21 @@ Rbpf::~Rbpf() = default;
 
 MapReport Rbpf::process(const LaserScan& scan, const Pose2& T_odom_base) {
   return impl_->process(scan, T_odom_base);
+}
+
+void Rbpf::start(const Pose2& T_map_base, const PatchMap& map) {
+  assert(impl_->scans == 0);
+  impl_->filter.m_particles.front().d->T_map_base = T_map_base;
+  impl_->start_map = map;
+}
+
+void Rbpf::repeat(std::vector<Generation> generations) {
+  assert(impl_->scans == 0);
+  const auto n = static_cast<std::size_t>(impl_->params.particles);
+  for (const Generation& g : generations) assert(g.poses.size() == n && g.parents.size() == n);
+  (void)n;
+  impl_->recorded = std::move(generations);
+  impl_->markDescent();
 }
 
 std::size_t Rbpf::best() const { return impl_->best(); }

@@ -38,6 +38,7 @@ void ScanIntegrator::integrate(PatchMap& map, const LaserScan& scan, const Pose2
   };
   std::vector<Beam> beams;
   beams.reserve(scan.ranges_m.size());
+  PatchMap::Writer writer(map);
   double farthest = 0.0;
   for (std::size_t i = 0; i < scan.ranges_m.size(); ++i) {
     const auto range = static_cast<double>(scan.ranges_m[i]);
@@ -50,11 +51,11 @@ void ScanIntegrator::integrate(PatchMap& map, const LaserScan& scan, const Pose2
       const double hy = y + beam.dy * beam.length;
       const bool first =
           mark(static_cast<int>(std::floor(hx)), static_cast<int>(std::floor(hy)));
-      map.addHit(hx, hy, first);
+      writer.addHit(hx, hy, first);
     }
     beams.push_back(beam);
   }
-  for (const Beam& beam : beams) castFree(map, x, y, beam.dx, beam.dy, beam.length - 0.5);
+  for (const Beam& beam : beams) castFree(writer, x, y, beam.dx, beam.dy, beam.length - 0.5);
 
   const int reach = std::min(half_, static_cast<int>(farthest) + 2);
   std::fill(
@@ -65,7 +66,7 @@ void ScanIntegrator::integrate(PatchMap& map, const LaserScan& scan, const Pose2
 
 // Amanatides & Woo, "A fast voxel traversal algorithm for ray tracing", 1987.
 void ScanIntegrator::castFree(
-    PatchMap& map, double x, double y, double dx, double dy, double length) {
+    PatchMap::Writer& map, double x, double y, double dx, double dy, double length) {
   constexpr double kNever = std::numeric_limits<double>::infinity();
   int ix = static_cast<int>(std::floor(x));
   int iy = static_cast<int>(std::floor(y));

@@ -13,8 +13,8 @@ namespace {
 
 constexpr double kKernelRadius2 = 1.5 * 1.5;  // [cells^2] reach of a mean point
 constexpr int kHitsCounted = 8;               // more hits make a mean point no heavier
-constexpr double kConverged_m = 2e-4;
-constexpr double kConverged_rad = 1e-5;
+constexpr double kConverged_m = 4e-4;
+constexpr double kConverged_rad = 4e-5;
 
 /// Weighted mean of the mean points around a position, in cells.
 struct Surface {
@@ -212,6 +212,7 @@ constexpr double kBlur_m = 0.05;       // of the field that the search looks at
 constexpr double kMinAngleStep_rad = degToRad(0.25);
 constexpr double kMaxAngleStep_rad = degToRad(2.0);
 constexpr std::size_t kSearchBeams = 90;
+constexpr double kSearchReach = 1.25;  // of ScanPoints::reach_m, points used
 constexpr double kPriorBound = 5.0;    // log-likelihood that the prior can cost, at most
 
 struct Candidate {
@@ -295,10 +296,16 @@ Pose2 ScanMatcher::search(
       std::clamp(res / std::max(scan.reach_m, 0.1), kMinAngleStep_rad, kMaxAngleStep_rad);
   const int turns = static_cast<int>(std::ceil(window_rad / angle_step));
 
-  const std::size_t n = std::min(scan.points.size(), kSearchBeams);
+  // Far points would need a large field; the refinement has them.
+  const double radius = std::min(kSearchReach * scan.reach_m, params_.max_range_m);
+  std::vector<Point2> points;
+  const std::size_t wanted = std::min(scan.points.size(), kSearchBeams);
+  for (std::size_t k = 0; k < wanted; ++k) {
+    const ScanPoint& p = scan.points[k * scan.points.size() / wanted];
+    if (std::hypot(p.x, p.y) <= radius) points.push_back({p.x, p.y});
+  }
+  const std::size_t n = points.size();
   if (n == 0) return prior.mean;
-  double radius = 0.0;
-  for (const ScanPoint& p : scan.points) radius = std::max(radius, std::hypot(p.x, p.y));
   const int reach = static_cast<int>(std::ceil(radius / res)) + window + 4 + (1 << levels);
   const int cx = map.cellOf(prior.mean.x);
   const int cy = map.cellOf(prior.mean.y);
@@ -313,15 +320,15 @@ Pose2 ScanMatcher::search(
     auto& here = max_[static_cast<std::size_t>(level)];
     here.resize(cells);
     const std::size_t shift = std::size_t{1} << static_cast<unsigned>(level - 1);
-    const std::size_t diagonal = shift * width + shift;
-    for (std::size_t i = 0; i < cells; ++i) {
-      if (i + diagonal >= cells) {
-        here[i] = below[i];
-        continue;
+    const std::size_t height = cells / width;
+    for (std::size_t y = 0; y < height; ++y) {
+      const std::uint8_t* low = &below[y * width];
+      const std::uint8_t* high = &below[std::min(y + shift, height - 1) * width];
+      std::uint8_t* out = &here[y * width];
+      for (std::size_t x = 0; x + shift < width; ++x) {
+        out[x] = std::max(std::max(low[x], low[x + shift]), std::max(high[x], high[x + shift]));
       }
-      here[i] = std::max(
-          std::max(below[i], below[i + shift]),
-          std::max(below[i + shift * width], below[i + diagonal]));
+      for (std::size_t x = width - shift; x < width; ++x) out[x] = std::max(low[x], high[x]);
     }
   }
 
@@ -333,7 +340,7 @@ Pose2 ScanMatcher::search(
     const double c = std::cos(yaw);
     const double s = std::sin(yaw);
     for (std::size_t k = 0; k < n; ++k) {
-      const ScanPoint& p = scan.points[k * scan.points.size() / n];
+      const Point2& p = points[k];
       const int ix = map.cellOf(prior.mean.x + c * p.x - s * p.y) - field_.x0;
       const int iy = map.cellOf(prior.mean.y + s * p.x + c * p.y) - field_.y0;
       offsets[r * n + k] = static_cast<std::size_t>(iy) * width + static_cast<std::size_t>(ix);

@@ -11,7 +11,7 @@ MapResult mapFromKnownPoses(
     const Observers& observers,
     const Progress& progress) {
   const auto reader = io::openRecording(recording_path, recording_options);
-  mapping::KnownPosesMapper mapper(config.mapping);
+  mapping::KnownPosesMapper mapper(config.mapping.known_poses);
   metrics::Trajectory trajectory;
   double distance_m = 0.0;
   while (const auto record = reader->next()) {

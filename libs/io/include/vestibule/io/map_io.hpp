@@ -1,10 +1,21 @@
 #pragma once
 
+#include <Eigen/Core>
+#include <optional>
 #include <string>
 
+#include "vestibule/core/frames.hpp"
 #include "vestibule/grid/occupancy_map.hpp"
 
 namespace vestibule::io {
+
+/// Where a map lies on the earth. `T_map_grid` is the pose of the frame of the YAML's origin in the
+/// tangent plane (ENU) at the datum; `cov` orders x, y [m^2], yaw [rad^2].
+struct MapGeoreference {
+  Geodetic datum;
+  Pose2 T_map_grid;
+  Eigen::Matrix3d cov = Eigen::Matrix3d::Zero();
+};
 
 /// Loads a prebuilt map by its file name: map_server .yaml/.yml (PNG, PGM, BMP image; modes
 /// trinary, scale and raw; negate; thresholds; origin with yaw), MRPT .gridmap[.gz], MRPT
@@ -16,11 +27,13 @@ namespace vestibule::io {
 /// free). The YAML names the image relative to itself. loadMap() gives the same cells and pose.
 /// \param image_name  name of the image as the YAML shall write it, when the files are renamed
 ///                    later; empty = the file name of image_path
+/// \param georeference written as a section that map_server does not look at
 /// Throws InputError when a file cannot be written.
 void saveMapServer(
     const grid::OccupancyMap& map,
     const std::string& yaml_path,
     const std::string& image_path,
-    const std::string& image_name = {});
+    const std::string& image_name = {},
+    const std::optional<MapGeoreference>& georeference = {});
 
 }  // namespace vestibule::io

@@ -45,8 +45,11 @@ struct FilterParams {
   int particles = 15;
   double update_d_m = 0.20;              ///< [m] a scan is used after this much motion ...
   double update_a_rad = degToRad(6.0);   ///< [rad] ... or turn
-  double update_max_s = 3.0;             ///< [s] ... or time, when the scan does not fit
+  /// [s] ... or when, looked at so often, the scan no longer fits; 0 = never looked at
+  double update_max_s = 1.0;
   double resample_below = 0.5;           ///< share of particles that must stay effective
+  /// of the scan's likelihood in the weights; smaller: fewer resamplings, more hypotheses kept
+  double weight_power = 0.5;
   double proposal_spread = 1.0;          ///< of the samples, times the proposal's sigma
   int threads = 0;                       ///< 0 = one per core; the result does not depend on it
   FilterMapParams map;

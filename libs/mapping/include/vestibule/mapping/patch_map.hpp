@@ -111,11 +111,43 @@ class PatchMap {
     return static_cast<std::size_t>((iy & kMask) << Patch::kBits | (ix & kMask));
   }
 
-  /// An end point at (x, y) in cells.
-  /// \param counts false: a further end point of the same scan in a cell; it moves the mean only
-  void addHit(double x_cells, double y_cells, bool counts = true);
-  /// A beam went through.
-  void addFree(int ix, int iy);
+  /// Writes into the map; remembers the patch it wrote into last. Keep it for one scan only: while
+  /// it lives the map must not be copied.
+  class Writer {
+   public:
+    explicit Writer(PatchMap& map) : map_(map) {}
+    /// An end point at (x, y) in cells.
+    /// \param counts false: a further end point of one scan in a cell; it moves the mean only
+    void addHit(double x_cells, double y_cells, bool counts = true);
+    /// A beam went through.
+    void addFree(int ix, int iy) {
+      Patch& patch = patchOf(ix, iy);
+      PointCell& cell = patch.cells[indexInPatch(ix, iy)];
+      if (cell.hits == 0 && cell.visits < map_.max_count_) {
+        ++cell.visits;
+      } else if (cell.hits > 0) {
+        addFreeToWall(patch, ix, iy);
+      }
+    }
+
+   private:
+    Patch& patchOf(int ix, int iy) {
+      const int px = ix >> Patch::kBits;
+      const int py = iy >> Patch::kBits;
+      if (last_ == nullptr || px != px_ || py != py_) {
+        last_ = &map_.ownPatch(px, py);
+        px_ = px;
+        py_ = py;
+      }
+      return *last_;
+    }
+    void addFreeToWall(Patch& patch, int ix, int iy);
+
+    PatchMap& map_;
+    Patch* last_ = nullptr;
+    int px_ = 0;
+    int py_ = 0;
+  };
 
   /// Bounds in patches: columns [x0, x0 + columns), rows [y0, y0 + rows); empty map: none.
   struct Extent {
@@ -126,7 +158,7 @@ class PatchMap {
   [[nodiscard]] const std::vector<PatchRef>& table() const { return table_; }
 
  private:
-  Patch& ownPatch(int ix, int iy);
+  Patch& ownPatch(int px, int py);
   void growTo(int px, int py);
   void refresh(Patch& patch, int ix, int iy) const;
 

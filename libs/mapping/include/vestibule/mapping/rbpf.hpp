@@ -19,12 +19,14 @@ struct MapReport {
   bool resampled = false;
   double known_share = 0.0;  ///< of the scan's points in seen cells: on mapped obstacles
   bool slipped = false;      ///< the scan contradicts the odometry
+  bool repeated = false;     ///< taken from an earlier run
 };
 
 /// One generation of particles: the outcome of one used scan. The sequence of generations is all
 /// that is random about a run: with it and the recording, the filter is rebuilt.
 struct Generation {
-  std::size_t scan = 0;               ///< number of the scan, from 0
+  std::size_t scan = 0;  ///< number of the scan, from 0
+  MapReport report;
   std::vector<std::uint32_t> parents; ///< per particle: its number in the generation before
   std::vector<Pose2> poses;           ///< T_map_base
   std::vector<double> log_weights;    ///< after resampling
@@ -44,6 +46,12 @@ class Rbpf {
   Rbpf& operator=(const Rbpf&) = delete;
   ~Rbpf();
 
+
+  /// Begins in a map that is there already, near this pose. \pre no scan yet
+  void start(const Pose2& T_map_base, const PatchMap& map);
+  /// Takes the outcome of the first updates from an earlier run over the same scans instead of
+  /// computing it: what follows is the same to the bit. \pre no scan yet; as many particles
+  void repeat(std::vector<Generation> generations);
 
   /// \param scan deskewed
   /// \param T_odom_base odometry at the scan

@@ -5,7 +5,7 @@
 
 #include "vestibule/amcl/params.hpp"
 #include "vestibule/ekf/params.hpp"
-#include "vestibule/mapping/known_poses_mapper.hpp"
+#include "vestibule/mapping/mapping_params.hpp"
 #include "vestibule/mode_manager/params.hpp"
 #include "vestibule/mrpt_adapters/reactive_driver.hpp"
 #include "vestibule/nav/mission_runner.hpp"
@@ -22,7 +22,7 @@ struct Config {
   mode_manager::ModeManagerParams mode_manager;
   nav::MissionRunnerParams mission;
   mrpt_adapters::ReactiveParams driver;
-  mapping::KnownPosesParams mapping;
+  mapping::MappingParams mapping;
 };
 void describe(ParamIo& io, Config& config);
 

@@ -1,0 +1,17 @@
+#pragma once
+
+#include "vestibule/mapping/gmapping_names.hpp"
+#include "vestibule/mapping/known_poses_mapper.hpp"
+#include "vestibule/mapping/params.hpp"
+
+namespace vestibule::mapping {
+
+/// The section `mapping` of the configuration.
+struct MappingParams {
+  KnownPosesParams known_poses;  ///< its keys stand at the top of the section
+  FilterParams filter;
+  GmappingNames gmapping;  ///< what it names is written into `filter`
+};
+void describe(ParamIo& io, MappingParams& params);
+
+}  // namespace vestibule::mapping

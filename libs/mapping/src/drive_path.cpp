@@ -1,0 +1,106 @@
+#include "vestibule/mapping/drive_path.hpp"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <cstdio>
+
+#include "scan_integrator.hpp"
+#include "vestibule/mapping/scan_matcher.hpp"
+
+namespace vestibule::mapping {
+namespace {
+
+// What odometry errs by grows with the way and the turn; a robot that stands errs a little, too.
+constexpr double kMetresPerRadian = 0.3;
+constexpr double kMetresPerScan = 1e-4;
+
+constexpr double kFoundShare = 0.7;  // of a scan's points on walls, to believe a place
+
+double effort(const Pose2& T_a_b) {
+  return translationNorm(T_a_b) + kMetresPerRadian * std::abs(T_a_b.phi) + kMetresPerScan;
+}
+
+}  // namespace
+
+void spreadPath(
+    std::vector<ScanNode>& nodes,
+    const std::vector<std::size_t>& used,
+    const std::vector<Pose2>& path) {
+  assert(used.size() == path.size());
+  for (std::size_t k = 0; k < used.size(); ++k) {
+    const std::size_t first = used[k];
+    const bool is_last = k + 1 == used.size();
+    const std::size_t end = is_last ? nodes.size() : used[k + 1];
+    std::vector<double> way(1, 0.0);
+    for (std::size_t i = first + 1; i <= end && i < nodes.size(); ++i) {
+      way.push_back(
+          way.back() + effort(between(nodes[i - 1].T_odom_base, nodes[i].T_odom_base)));
+    }
+    Pose2 correction;
+    if (!is_last) {
+      correction = between(
+          between(nodes[first].T_odom_base, nodes[end].T_odom_base),
+          between(path[k], path[k + 1]));
+    }
+    for (std::size_t i = first; i < end; ++i) {
+      const Pose2 T = compose(path[k], between(nodes[first].T_odom_base, nodes[i].T_odom_base));
+      const double share = is_last || way.back() <= 0.0 ? 0.0 : way[i - first] / way.back();
+      nodes[i].T_map_base = compose(T, interpolate(Pose2{}, correction, share));
+    }
+  }
+}
+
+PatchMap mapOf(const std::vector<ScanNode>& nodes, const FilterMapParams& params) {
+  PatchMap map(params.resolution_m, params.occupied_ratio, params.max_count);
+  ScanIntegrator integrator(params);
+  for (const ScanNode& node : nodes) integrator.integrate(map, node.scan, node.T_map_base);
+  return map;
+}
+
+std::optional<Pose2> findInMap(
+    const PatchMap& map, const LaserScan& scan, const MatcherParams& params) {
+  const PatchMap::Extent e = map.extent();
+  const double side = Patch::kSide * map.resolution();
+  const Pose2 centre{
+      (e.x0 + 0.5 * e.columns) * side, (e.y0 + 0.5 * e.rows) * side, 0.0};
+  const PosePrior anywhere{centre, Eigen::Matrix3d::Identity() * 1e-9};
+  const ScanPoints points = matchPoints(scan, params);
+  ScanMatcher matcher(params);
+  const Pose2 found =
+      matcher.search(map, points, anywhere, 0.5 * side * std::max(e.columns, e.rows), kPi);
+  const Pose2 T = matcher.refine(map, points, found, {found, anywhere.information}).T_map_base;
+  if (matcher.fit(map, points, T).matched_share < kFoundShare) return std::nullopt;
+  return T;
+}
+
+std::string g2oOf(const std::vector<Pose2>& path) {
+  std::string text;
+  char line[256];
+  for (std::size_t i = 0; i < path.size(); ++i) {
+    std::snprintf(
+        line, sizeof line, "VERTEX_SE2 %zu %.9f %.9f %.9f\n", i, path[i].x, path[i].y, path[i].phi);
+    text += line;
+  }
+  const double xy = 1.0 / (kEdgeSigma_m * kEdgeSigma_m);
+  const double yaw = 1.0 / (kEdgeSigma_rad * kEdgeSigma_rad);
+  for (std::size_t i = 1; i < path.size(); ++i) {
+    const Pose2 d = between(path[i - 1], path[i]);
+    std::snprintf(
+        line,
+        sizeof line,
+        "EDGE_SE2 %zu %zu %.9f %.9f %.9f %.6g 0 0 %.6g 0 %.6g\n",
+        i - 1,
+        i,
+        d.x,
+        d.y,
+        d.phi,
+        xy,
+        xy,
+        yaw);
+    text += line;
+  }
+  return text;
+}
+
+}  // namespace vestibule::mapping

@@ -1,0 +1,327 @@
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <map>
+
+#include "drive_odometry.hpp"
+#include "map_journal.hpp"
+#include "vestibule/core/errors.hpp"
+#include "vestibule/core/params.hpp"
+#include "vestibule/core/random.hpp"
+#include "vestibule/geo/georeference.hpp"
+#include "vestibule/mapping/deskew.hpp"
+#include "vestibule/mapping/drive_path.hpp"
+#include "vestibule/mapping/rbpf.hpp"
+#include "vestibule/pipeline/gnss_input.hpp"
+#include "vestibule/pipeline/map.hpp"
+#include "vestibule/pipeline/time_ordered_queue.hpp"
+
+namespace vestibule::pipeline {
+namespace {
+
+constexpr std::size_t kHeldOutScans = 200;
+
+/// Notes the stamps of the scans as they come from the file.
+class ScanOrder : public io::RecordingReader {
+ public:
+  explicit ScanOrder(std::unique_ptr<io::RecordingReader> reader) : reader_(std::move(reader)) {}
+
+  std::optional<io::Record> next() override {
+    auto record = reader_->next();
+    if (record) {
+      if (const auto* scan = std::get_if<LaserScan>(&record->measurement)) {
+        stamps.push_back(scan->stamp);
+      }
+    }
+    return record;
+  }
+  [[nodiscard]] double progress() const override { return reader_->progress(); }
+  [[nodiscard]] std::vector<std::string> notes() const override { return reader_->notes(); }
+  [[nodiscard]] std::string format() const override { return reader_->format(); }
+  [[nodiscard]] const SensorRig& rig() const override { return reader_->rig(); }
+
+  std::vector<Timestamp> stamps;
+
+ private:
+  std::unique_ptr<io::RecordingReader> reader_;
+};
+
+/// A fix and where the robot was then: at a scan, and what the odometry says since.
+struct FixAt {
+  GnssFix fix;
+  std::size_t scan = 0;
+  Pose2 T_scan_base;
+};
+
+std::uint64_t identityOf(
+    const std::string& path, const MapDriveOptions& options, const Config& config) {
+  Config same = config;
+  same.mapping.filter.threads = 0;  // the result does not depend on it
+  std::string text = dumpParams(same);
+  std::error_code error;
+  text += std::to_string(std::filesystem::file_size(path, error));
+  text += " " + std::to_string(options.before.size());
+  if (options.T_map_base_init) text += " " + options.T_map_base_init->asString();
+  return derivedSeed(config.seed, text);
+}
+
+std::vector<mapping::ScanNode> nodesOf(const std::vector<io::MapFrame>& frames) {
+  std::vector<mapping::ScanNode> nodes;
+  nodes.reserve(frames.size());
+  for (const io::MapFrame& f : frames) nodes.push_back({f.scan, f.T_map_base, f.T_map_base});
+  return nodes;
+}
+
+/// One drive on its way through the filter.
+class Drive {
+ public:
+  Drive(
+      const std::string& path,
+      const io::RecordingOptions& recording_options,
+      const MapDriveOptions& options,
+      const Config& config,
+      const Observers& observers,
+      const Progress& progress)
+      : path_(path),
+        options_(options),
+        config_(config),
+        progress_(progress),
+        with_gyro_(hasGyro(path, recording_options)),
+        reader_(io::openRecording(path, recording_options)),
+        odometry_(config, with_gyro_),
+        filter_(config.mapping.filter, config.seed, &observers) {
+    if (!options_.journal.empty()) {
+      journal_.emplace(
+          options_.journal,
+          identityOf(path, options, config),
+          static_cast<std::size_t>(config.mapping.filter.particles),
+          options_.resume);
+      filter_.repeat(journal_->takeRecorded());
+    }
+  }
+
+  MapDriveResult run() {
+    if (with_gyro_) {
+      forEachInStampOrder(
+          reader_, [this](const Measurement& m) { process(m); }, [](double, double) {});
+    } else {
+      // Stamps may run backwards; the order of the file is the order of the drive.
+      while (const auto record = reader_.next()) process(record->measurement);
+    }
+    if (nodes_.empty()) {
+      throw InputError(
+          path_ + ": no laser scan in it, nothing to map (see vestibule info)");
+    }
+    if (!odometry_.any()) {
+      throw InputError(
+          path_ + ": no wheel odometry in it, which mapping needs (see vestibule info)");
+    }
+    return result();
+  }
+
+ private:
+  void process(const Measurement& measurement) {
+    if (const auto* wheels = std::get_if<WheelOdometry>(&measurement)) {
+      odometry_.process(*wheels);
+    } else if (const auto* imu = std::get_if<Imu>(&measurement)) {
+      odometry_.process(*imu);
+    } else if (const auto* fix = std::get_if<GnssFix>(&measurement)) {
+      if (!options_.georeference || nodes_.empty() || fix->type == GnssFixType::kNone) return;
+      fixes_.push_back(
+          {*fix, nodes_.size() - 1, between(nodes_.back().T_odom_base, odometry_.at(fix->stamp))});
+    } else if (const auto* scan = std::get_if<LaserScan>(&measurement)) {
+      process(*scan);
+    }
+  }
+
+  void process(const LaserScan& raw) {
+    mapping::ScanNode node;
+    node.scan = mapping::deskewed(raw, odometry_.speed(), odometry_.yawRate());
+    node.T_odom_base = odometry_.at(raw.stamp);
+    if (nodes_.empty()) begin(node.scan);
+    const mapping::MapReport report = filter_.process(node.scan, node.T_odom_base);
+    first_ = nodes_.empty() ? raw.stamp : std::min(first_, raw.stamp);
+    last_ = nodes_.empty() ? raw.stamp : std::max(last_, raw.stamp);
+    nodes_.push_back(std::move(node));
+    if (report.repeated) {
+      ++repeated_;
+    } else if (report.used) {
+      if (journal_) journal_->append(filter_.generations().back());
+      if (options_.status) options_.status(report.effective_particles);
+    }
+    if (options_.preview_scans > 0 && options_.preview &&
+        nodes_.size() % options_.preview_scans == 0) {
+      options_.preview(
+          mapping::toOccupancyMap(filter_.bestMap(), config_.mapping.known_poses.margin_m),
+          soFar());
+    }
+    progress_(reader_.progress(), toSeconds(raw.stamp - first_));
+  }
+
+  /// Where the drive starts in the map of earlier ones.
+  void begin(const LaserScan& scan) {
+    if (options_.before.empty()) return;
+    const mapping::PatchMap map =
+        mapping::mapOf(nodesOf(options_.before), config_.mapping.filter.map);
+    std::optional<Pose2> start = options_.T_map_base_init;
+    if (!start) start = mapping::findInMap(map, scan, config_.mapping.filter.matcher);
+    if (!start) {
+      throw InputError(
+          path_ +
+          ": its first scan fits nowhere in the earlier map; give the start with --init x,y,yaw_rad");
+    }
+    filter_.start(*start, map);
+  }
+
+  [[nodiscard]] std::vector<std::size_t> usedScans() const {
+    std::vector<std::size_t> used;
+    for (const mapping::Generation& g : filter_.generations()) used.push_back(g.scan);
+    return used;
+  }
+
+  [[nodiscard]] metrics::Trajectory soFar() const {
+    metrics::Trajectory poses;
+    const auto path = filter_.bestPath();
+    const auto used = usedScans();
+    for (std::size_t k = 0; k < used.size(); ++k) {
+      poses.push_back({nodes_[used[k]].scan.stamp, path[k]});
+    }
+    return poses;
+  }
+
+  MapDriveResult result() {
+    const std::vector<std::size_t> used = usedScans();
+    const std::vector<Pose2> path = filter_.bestPath();
+    mapping::spreadPath(nodes_, used, path);
+    MapDriveResult r{
+        mapping::toOccupancyMap(filter_.bestMap(), config_.mapping.known_poses.margin_m),
+        inFileOrder()};
+    r.quality = mapping::judgeMap(
+        filter_.bestMap(), heldOut(used), config_.mapping.filter.matcher);
+    r.graph_g2o = mapping::g2oOf(path);
+    r.frames = options_.before;
+    int session = 1;
+    for (const io::MapFrame& f : r.frames) session = std::max(session, f.session + 1);
+    for (const std::size_t i : used) {
+      r.frames.push_back({nodes_[i].T_map_base, nodes_[i].scan, session});
+    }
+    for (const mapping::Generation& g : filter_.generations()) {
+      r.updates.push_back({nodes_[g.scan].scan.stamp, g.report});
+    }
+    r.repeated_updates = repeated_;
+    r.patch_bytes = filter_.patchBytes();
+    r.data_s = toSeconds(last_ - first_);
+    for (std::size_t i = 1; i < r.trajectory.size(); ++i) {
+      r.distance_m += distance(r.trajectory[i - 1].pose, r.trajectory[i].pose);
+    }
+    r.notes = reader_.notes();
+    if (options_.georeference) georeference(r);
+    return r;
+  }
+
+  /// The trajectory in the order of the file, also where the scans were taken in stamp order.
+  [[nodiscard]] metrics::Trajectory inFileOrder() const {
+    std::multimap<std::int64_t, std::size_t> by_stamp;
+    for (std::size_t i = 0; i < nodes_.size(); ++i) {
+      by_stamp.insert({nodes_[i].scan.stamp.ns, i});  // equal stamps keep their order
+    }
+    metrics::Trajectory poses;
+    poses.reserve(nodes_.size());
+    for (const Timestamp stamp : reader_.stamps) {
+      const auto it = by_stamp.find(stamp.ns);
+      if (it == by_stamp.end()) continue;
+      poses.push_back({stamp, nodes_[it->second].T_map_base});
+      by_stamp.erase(it);
+    }
+    return poses;
+  }
+
+  /// Scans that are not in the map, spread over the drive.
+  [[nodiscard]] std::vector<mapping::ScanNode> heldOut(const std::vector<std::size_t>& used) const {
+    std::vector<std::size_t> unused;
+    std::size_t k = 0;
+    for (std::size_t i = 0; i < nodes_.size(); ++i) {
+      if (k < used.size() && used[k] == i) {
+        ++k;
+      } else {
+        unused.push_back(i);
+      }
+    }
+    std::vector<mapping::ScanNode> chosen;
+    const std::size_t n = std::min(unused.size(), kHeldOutScans);
+    for (std::size_t i = 0; i < n; ++i) chosen.push_back(nodes_[unused[i * unused.size() / n]]);
+    return chosen;
+  }
+
+  void georeference(MapDriveResult& r) const {
+    std::vector<geo::GeoPair> pairs;
+    std::optional<geo::TangentPlane> plane;
+    const Point2 antenna = reader_.rig().p_base_antenna;
+    for (const FixAt& f : fixes_) {
+      const auto* position = std::get_if<Geodetic>(&f.fix.position);
+      if (position == nullptr) continue;
+      if (!plane) plane.emplace(*position);
+      const Eigen::Vector2d p_enu = antennaInMap(f.fix, plane);
+      const Point2 p_map =
+          transform(compose(nodes_[f.scan].T_map_base, f.T_scan_base), antenna);
+      double sigma_m = config_.ekf.gnss.sigma_single_m;
+      if (f.fix.cov_enu && (*f.fix.cov_enu)(0, 0) > 0.0) {
+        sigma_m = std::sqrt(0.5 * ((*f.fix.cov_enu)(0, 0) + (*f.fix.cov_enu)(1, 1)));
+      } else if (f.fix.type == GnssFixType::kRtkFixed) {
+        sigma_m = config_.ekf.gnss.sigma_rtk_fixed_m;
+      } else if (f.fix.type == GnssFixType::kRtkFloat) {
+        sigma_m = config_.ekf.gnss.sigma_rtk_float_m;
+      } else if (f.fix.type == GnssFixType::kDifferential) {
+        sigma_m = config_.ekf.gnss.sigma_differential_m;
+      }
+      pairs.push_back({p_enu, p_map, sigma_m});
+    }
+    const double per_s = static_cast<double>(pairs.size()) / std::max(r.data_s, 1.0);
+    const auto fit =
+        geo::fitGeoreference(pairs, 2.0 * config_.ekf.gnss.correlation_s * per_s);
+    if (!fit) {
+      throw InputError(
+          path_ + ": " + std::to_string(pairs.size()) +
+          " GNSS fixes with latitude and longitude near scans, too few or on too short a way for a "
+          "georeference; leave --georeference out");
+    }
+    r.georeference =
+        io::MapGeoreference{plane->datum(), fit->T_map_grid.mean, fit->T_map_grid.cov};
+    r.georeference_rms_m = fit->rms_m;
+  }
+
+  std::string path_;
+  const MapDriveOptions& options_;
+  const Config& config_;
+  const Progress& progress_;
+  bool with_gyro_;
+  ScanOrder reader_;
+  DriveOdometry odometry_;
+  mapping::Rbpf filter_;
+  std::optional<MapJournal> journal_;
+  std::vector<mapping::ScanNode> nodes_;
+  std::vector<FixAt> fixes_;
+  std::size_t repeated_ = 0;
+  Timestamp first_;
+  Timestamp last_;
+};
+
+}  // namespace
+
+MapDriveResult mapDrive(
+    const std::string& recording_path,
+    const io::RecordingOptions& recording_options,
+    const MapDriveOptions& options,
+    const Config& config,
+    const Observers& observers,
+    const Progress& progress) {
+  return Drive(recording_path, recording_options, options, config, observers, progress).run();
+}
+
+grid::OccupancyMap mapOfFrames(const std::vector<io::MapFrame>& frames, const Config& config) {
+  return mapping::toOccupancyMap(
+      mapping::mapOf(nodesOf(frames), config.mapping.filter.map),
+      config.mapping.known_poses.margin_m);
+}
+
+}  // namespace vestibule::pipeline
