@@ -1,0 +1,93 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "vestibule/core/frames.hpp"
+#include "vestibule/sensors/measurements.hpp"
+
+namespace vestibule::mapping {
+
+/// One echo of a scan, in the base frame, with the direction of the surface around it.
+struct ContourPoint {
+  double x = 0.0;
+  double y = 0.0;
+  double nx = 0.0;  ///< unit normal towards the laser, where on_line
+  double ny = 0.0;
+  double range_m = 0.0;  ///< from the laser; 0 = no echo
+  bool on_line = false;  ///< false: corner, pole, clutter
+};
+
+/// A scan as what its laser saw in each direction: an ordered contour, so that a point's neighbours
+/// and what lies before and behind the contour are found by direction, without a search structure.
+class Contour {
+ public:
+  /// \param max_range_m echoes beyond it are dropped
+  Contour(const LaserScan& scan, double max_range_m);
+
+  /// Echoes spread along the contour, for matching against other contours.
+  [[nodiscard]] const std::vector<ContourPoint>& samples() const { return samples_; }
+  /// What the laser saw around the direction of a point of the base frame.
+  struct Look {
+    const ContourPoint* nearest = nullptr;  ///< echo nearest to the point, within the gate
+    bool seen_through = false;  ///< all beams around its direction ended well behind the point
+  };
+  [[nodiscard]] Look look(const Point2& p_base, double gate_m) const;
+  /// Most echoes are nearer than this to the laser.
+  [[nodiscard]] double reach() const { return reach_m_; }
+
+ private:
+  void findLines();
+  void sample();
+  [[nodiscard]] int wrapped(int k) const;
+
+  Pose2 T_base_laser_;
+  double middle_rad_ = 0.0;  // of the beams' directions, in the laser frame
+  double step_rad_ = 1.0;
+  bool full_circle_ = false;
+  double reach_m_ = 0.0;
+  std::vector<ContourPoint> beams_;
+  std::vector<ContourPoint> samples_;
+};
+
+/// How the points of two scans lie on each other.
+struct Overlap {
+  int points = 0;       ///< of both scans
+  int matched = 0;      ///< near an echo of the other
+  int conflicting = 0;  ///< where the other saw through
+  /// Of the points about which the other scan says something, how many it confirms.
+  [[nodiscard]] double agreement() const {
+    return matched + conflicting > 0 ? static_cast<double>(matched) / (matched + conflicting) : 0.0;
+  }
+  [[nodiscard]] double matchedShare() const {
+    return points > 0 ? static_cast<double>(matched) / points : 0.0;
+  }
+  Overlap& operator+=(const Overlap& o) {
+    points += o.points;
+    matched += o.matched;
+    conflicting += o.conflicting;
+    return *this;
+  }
+};
+[[nodiscard]] Overlap overlap(
+    const Contour& a, const Contour& b, const Pose2& T_a_b, double gate_m);
+
+struct AlignmentParams {
+  double sigma_m = 0.03;  ///< [m] of an end point about the other scan's surface
+  double gate_m = 0.3;    ///< [m] points farther apart do not belong together
+  double effective_points = 30.0;  ///< neighbouring points say the same: counted as so many
+};
+
+/// Half the weighted sum of squared distances between the surfaces of two scans, as a quadratic
+/// in the change of T_a_b = (x, y, yaw): cost + g' d + d' H d / 2.
+struct Quadratic {
+  Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d g = Eigen::Vector3d::Zero();
+  double weighted_squares = 0.0;  ///< [m^2] sum over the pairs of points
+  double weight = 0.0;            ///< of the pairs, each at most 1
+  int pairs = 0;
+};
+[[nodiscard]] Quadratic pointToLine(
+    const Contour& a, const Contour& b, const Pose2& T_a_b, const AlignmentParams& params);
+
+}  // namespace vestibule::mapping

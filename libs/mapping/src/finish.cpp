@@ -1,0 +1,159 @@
+#include "vestibule/mapping/finish.hpp"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "joint_refiner.hpp"
+#include "loop_closer.hpp"
+#include "vestibule/core/parallel.hpp"
+
+namespace vestibule::mapping {
+namespace {
+
+// Shares of the work, for the progress report.
+constexpr double kChainDone = 0.1;
+constexpr double kClosingDone = 0.7;
+constexpr double kRefiningDone = 0.9;
+// What scans that were matched cannot tell about their own error: one sigma per step of the chain.
+constexpr double kStepFloor_m = 0.003;
+constexpr double kStepFloor_per_m = 0.02;
+constexpr double kStepFloor_rad = 0.002;
+constexpr double kStepFloor_rad_per_m = 0.008;
+
+ShareDone between(const ShareDone& progress, double from, double to) {
+  if (!progress) return {};
+  return [progress, from, to](double share) { progress(from + share * (to - from)); };
+}
+
+/// Key scan k + 1 seen from k: as the estimate has it, with what scans and odometry say about its
+/// certainty.
+PoseConstraint chainLink(
+    const std::vector<ScanNode>& nodes,
+    const std::vector<KeyScan>& keys,
+    std::size_t k,
+    const AlignmentParams& alignment) {
+  const Pose2 T = vestibule::between(nodes[keys[k].node].T_map_base, nodes[keys[k + 1].node].T_map_base);
+  const RelativePrior prior = odometryPrior(nodes, keys[k], keys[k + 1]);
+  const Quadratic q = pointToLine(keys[k].contour, keys[k + 1].contour, T, alignment);
+  const double d = translationNorm(T);
+  Eigen::Matrix3d floor = Eigen::Matrix3d::Zero();
+  const double floor_m = kStepFloor_m + kStepFloor_per_m * d;
+  const double floor_rad = kStepFloor_rad + kStepFloor_rad_per_m * d;
+  floor.diagonal() << floor_m * floor_m, floor_m * floor_m, floor_rad * floor_rad;
+  const Eigen::Matrix3d cov = (q.H + prior.information).inverse() + floor;
+  return {k, k + 1, T, cov.inverse(), false};
+}
+
+}  // namespace
+
+void describe(ParamIo& io, ClosureParams& p) {
+  io.optional("submap_m", p.submap_m, Bounds{0.5, 100.0});
+  io.optional("reach_m", p.reach_m, positive());
+  io.optional("min_score", p.min_score, inside(0.0, 1.0));
+  io.optional("min_agreement", p.min_agreement, within(0.0, 1.0));
+  io.optional("min_matched", p.min_matched, within(0.0, 1.0));
+  io.optional("max_window_m", p.max_window_m, positive());
+  io.optionalDegrees("max_window_deg", p.max_window_rad, within(0.0, 180.0));
+  io.optional("gate_probability", p.gate_probability, inside(0.0, 1.0));
+  io.optional("partner_m", p.partner_m, positive());
+  io.optional("rounds", p.rounds, within(0, 100));
+}
+
+void describe(ParamIo& io, RefineParams& p) {
+  io.optional("max_range_m", p.max_range_m, positive());
+  io.optional("sigma_m", p.sigma_m, positive());
+  io.optional("gate_m", p.gate_m, positive());
+  io.optional("effective_points", p.effective_points, positive());
+  io.optional("pair_m", p.pair_m, positive());
+  io.optional("pairs_per_scan", p.pairs_per_scan, within(0, 1000));
+  io.optional("min_agreement", p.min_agreement, within(0.0, 1.0));
+  io.optional("iterations", p.iterations, within(0, 1000));
+}
+
+void describe(ParamIo& io, FinishParams& p) {
+  io.optional("threads", p.threads, within(0, 1024));
+  io.section("closures", p.closures);
+  io.section("refine", p.refine);
+}
+
+std::string_view toString(ClosureVerdict verdict) {
+  switch (verdict) {
+    case ClosureVerdict::kAccepted: return "accepted";
+    case ClosureVerdict::kConflict: return "scans contradict each other";
+    case ClosureVerdict::kAmbiguous: return "another place fits as well";
+    case ClosureVerdict::kUnlikely: return "too far from the way there";
+    case ClosureVerdict::kAlone: return "not confirmed by a second one";
+    case ClosureVerdict::kOutvoted: return "outvoted";
+  }
+  return "?";
+}
+
+std::size_t FinishResult::count(ClosureVerdict verdict) const {
+  return static_cast<std::size_t>(
+      std::count_if(closures.begin(), closures.end(), [verdict](const Closure& c) {
+        return c.verdict == verdict;
+      }));
+}
+
+FinishResult finishMap(
+    std::vector<ScanNode> nodes, const FinishParams& params, const ShareDone& progress) {
+  FinishResult result;
+  if (nodes.empty()) return result;
+  const std::size_t threads = threadCount(params.threads);
+  KeyScanParams key_params;
+  key_params.max_range_m = params.refine.max_range_m;
+  const std::vector<KeyScan> keys = selectKeyScans(nodes, key_params, threads);
+  std::vector<Pose2> poses;
+  for (const KeyScan& key : keys) {
+    result.keys.push_back(key.node);
+    poses.push_back(nodes[key.node].T_map_base);
+  }
+  std::vector<PoseConstraint> chain(keys.size() - 1);
+  const AlignmentParams alignment{
+      params.refine.sigma_m, params.refine.gate_m, params.refine.effective_points};
+  parallelFor(chain.size(), threads, [&](std::size_t k) {
+    chain[k] = chainLink(nodes, keys, k, alignment);
+  });
+  if (progress) progress(kChainDone);
+
+  LoopCloser closer(keys, chain, params);
+  poses = closer.run(std::move(poses), between(progress, kChainDone, kClosingDone));
+  result.closures = closer.closures();
+  for (Closure& c : result.closures) {
+    c.from = keys[c.from].node;
+    c.to = keys[c.to].node;
+  }
+  result.graph = closer.graph();
+  result.submaps = closer.submapCount();
+
+  JointRefiner refiner(nodes, keys, params.refine, threads);
+  poses = refiner.run(std::move(poses), between(progress, kClosingDone, kRefiningDone));
+  result.pairs = refiner.pairCount();
+  result.surface_rms_before_m = refiner.rmsBefore();
+  result.surface_rms_after_m = refiner.rmsAfter();
+
+  std::vector<ScanNode> corrected = nodes;
+  spreadCorrections(corrected, keys, poses);
+  std::vector<std::size_t> key_before(nodes.size());
+  std::vector<char> is_key(nodes.size(), 0);
+  for (std::size_t k = 0; k < keys.size(); ++k) {
+    is_key[keys[k].node] = 1;
+    const std::size_t end = k + 1 < keys.size() ? keys[k + 1].node : nodes.size();
+    for (std::size_t i = keys[k].node; i < end; ++i) key_before[i] = k;
+  }
+  if (params.refine.iterations > 0 && keys.size() > 1) {
+    parallelFor(nodes.size(), threads, [&](std::size_t i) {
+      if (is_key[i] == 0) corrected[i].T_map_base = refiner.place(corrected[i], key_before[i], poses);
+    });
+  }
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    result.largest_correction_m = std::max(
+        result.largest_correction_m, distance(nodes[i].T_map_base, corrected[i].T_map_base));
+  }
+  result.nodes = std::move(corrected);
+  if (progress) progress(1.0);
+  return result;
+}
+
+}  // namespace vestibule::mapping

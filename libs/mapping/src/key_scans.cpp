@@ -1,0 +1,88 @@
+#include "key_scans.hpp"
+
+#include <cmath>
+#include <optional>
+
+#include "vestibule/core/angles.hpp"
+#include "vestibule/core/parallel.hpp"
+
+namespace vestibule::mapping {
+namespace {
+
+// One sigma of the odometry, as measured on robots of several kinds, with room for worse ones.
+constexpr double kTransPerTrans = 0.15;
+constexpr double kTransPerRot_m = 0.10;
+constexpr double kRotPerTrans_rad = 0.10;
+constexpr double kRotPerRot = 0.20;
+constexpr double kTransFloor_m = 0.02;
+constexpr double kRotFloor_rad = 0.02;
+
+}  // namespace
+
+std::vector<KeyScan> selectKeyScans(
+    const std::vector<ScanNode>& nodes, const KeyScanParams& params, std::size_t threads) {
+  std::vector<std::size_t> chosen;
+  std::vector<double> paths;
+  double path_m = 0.0;
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    if (i > 0) path_m += distance(nodes[i - 1].T_odom_base, nodes[i].T_odom_base);
+    if (!chosen.empty() && i + 1 < nodes.size()) {
+      const Pose2 moved = between(nodes[chosen.back()].T_odom_base, nodes[i].T_odom_base);
+      if (translationNorm(moved) < params.distance_m && std::abs(moved.phi) < params.angle_rad) {
+        continue;
+      }
+    }
+    chosen.push_back(i);
+    paths.push_back(path_m);
+  }
+  std::vector<std::optional<Contour>> contours(chosen.size());
+  parallelFor(chosen.size(), threads, [&](std::size_t k) {
+    contours[k].emplace(nodes[chosen[k]].scan, params.max_range_m);
+  });
+  std::vector<KeyScan> keys;
+  keys.reserve(chosen.size());
+  for (std::size_t k = 0; k < chosen.size(); ++k) {
+    keys.push_back({chosen[k], std::move(*contours[k]), paths[k]});
+  }
+  return keys;
+}
+
+RelativePrior odometryPrior(
+    const std::vector<ScanNode>& nodes, const KeyScan& from, const KeyScan& to) {
+  RelativePrior prior;
+  prior.T_a_b = between(nodes[from.node].T_odom_base, nodes[to.node].T_odom_base);
+  const double d = translationNorm(prior.T_a_b);
+  const double a = std::abs(prior.T_a_b.phi);
+  const double sigma_t = kTransFloor_m + kTransPerTrans * d + kTransPerRot_m * a;
+  const double sigma_r = kRotFloor_rad + kRotPerTrans_rad * d + kRotPerRot * a;
+  prior.information.diagonal() << 1.0 / (sigma_t * sigma_t), 1.0 / (sigma_t * sigma_t),
+      1.0 / (sigma_r * sigma_r);
+  return prior;
+}
+
+void spreadCorrections(
+    std::vector<ScanNode>& nodes,
+    const std::vector<KeyScan>& keys,
+    const std::vector<Pose2>& T_map_key) {
+  for (std::size_t k = 0; k + 1 < keys.size(); ++k) {
+    const std::size_t first = keys[k].node;
+    const std::size_t last = keys[k + 1].node;
+    const Pose2 T_first_last = between(T_map_key[k], T_map_key[k + 1]);
+    const Pose2 odometry = between(nodes[first].T_odom_base, nodes[last].T_odom_base);
+    const Eigen::Vector3d off = logSe2(between(odometry, T_first_last));
+    const double span = toSeconds(nodes[last].scan.stamp - nodes[first].scan.stamp);
+    for (std::size_t i = first; i < last; ++i) {
+      const double elapsed = toSeconds(nodes[i].scan.stamp - nodes[first].scan.stamp);
+      // Stamps may run backwards: the place in the sequence serves as well.
+      const double by_number = static_cast<double>(i - first) / static_cast<double>(last - first);
+      const double by_time = span > 0.0 ? elapsed / span : by_number;
+      const double share = by_time >= 0.0 && by_time <= 1.0 ? by_time : by_number;
+      const Pose2 T_first_i = between(nodes[first].T_odom_base, nodes[i].T_odom_base);
+      nodes[i].T_map_base =
+          compose(compose(T_map_key[k], T_first_i), expSe2(Eigen::Vector3d(share * off)));
+    }
+  }
+  if (!keys.empty()) nodes[keys.back().node].T_map_base = T_map_key.back();
+}
+
+}  // namespace vestibule::mapping
