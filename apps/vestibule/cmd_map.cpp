@@ -92,10 +92,25 @@ void printMap(const grid::OccupancyMap& map, const RunOutput& output) {
       output.pathOf("report.html").c_str());
 }
 
-void mapDrive(const MapArguments& args, const std::string& command_line) {
+void removeJournal(const RunOutput& output) {
+  std::error_code error;
+  std::filesystem::remove(output.pathOf(kJournal), error);
+}
+
+/// Exit code.
+int mapDrive(const MapArguments& args, const std::string& command_line) {
   const pipeline::Config config = mapConfig(args);
   RunOutput output(args.out, "map", config);
-  auto [result, section] = runMap(args, config, output);
+  auto [result, section] = [&] {
+    try {
+      return runMap(args, config, output);
+    } catch (const Interrupted&) {
+      throw Interrupted("interrupted; the same command with --resume goes on from here");
+    } catch (const std::exception&) {
+      removeJournal(output);  // it would end there again
+      throw;
+    }
+  }();
   gui_headless::Report report;
   report.title = "Vestibule: map";
   report.subtitle = args.log;
@@ -103,8 +118,7 @@ void mapDrive(const MapArguments& args, const std::string& command_line) {
   report.sections.push_back(std::move(section));
   output.report(report);
   output.finish();
-  std::error_code error;
-  std::filesystem::remove(output.pathOf("map.journal"), error);
+  removeJournal(output);
   std::printf(
       "%zu scans, %.1f m in %.1f s; %zu scans used by %d particles; held-out scans: %.1f %% of the "
       "beams on walls\n",
@@ -115,6 +129,13 @@ void mapDrive(const MapArguments& args, const std::string& command_line) {
       config.mapping.filter.particles,
       100.0 * result.quality.held_out_matched_share);
   printMap(result.map, output);
+  if (!result.damage) return kDone;
+  std::fprintf(
+      stderr,
+      "vestibule: %s\nvestibule: the map is of the %zu scans before it\n",
+      result.damage->c_str(),
+      result.trajectory.size());
+  return kBadInput;
 }
 
 /// The map of an earlier run without one of its sessions.
@@ -196,14 +217,14 @@ void addMap(CLI::App& app, int& exit_code) {
     if (!o->init.empty()) o->args.init = parsePose(o->init);
     check(o->args, o->known_poses);
     const std::string command_line = "vestibule map " + o->args.log;
+    exit_code = kDone;
     if (o->known_poses) {
       mapKnownPoses(o->args);
     } else if (o->args.log.empty()) {
       mapWithoutSession(o->args, command_line + "--extend " + o->args.extend);
     } else {
-      mapDrive(o->args, command_line);
+      exit_code = mapDrive(o->args, command_line);
     }
-    exit_code = kDone;
   });
 }
 

@@ -137,7 +137,7 @@ std::pair<pipeline::MapDriveResult, gui_headless::ReportSection> runMap(
   const std::string particles = std::to_string(config.mapping.filter.particles);
 
   pipeline::MapDriveOptions options;
-  options.journal = output.pathOf("map.journal");
+  options.journal = output.pathOf(kJournal);
   options.resume = args.resume;
   options.before = earlierFrames(args);
   options.T_map_base_init = args.init;

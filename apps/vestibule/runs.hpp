@@ -41,6 +41,9 @@ struct FuseArguments {
 [[nodiscard]] gui_headless::ReportSection runFuse(
     const FuseArguments& args, RunOutput& output, pipeline::FuseResult& result);
 
+/// Where a map run that is killed left what it had, in its output folder.
+inline constexpr const char* kJournal = "map.journal";
+
 struct MapArguments {
   std::string log;  ///< empty: only `cut` a session out of `extend`
   std::string config;

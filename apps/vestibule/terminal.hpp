@@ -14,7 +14,8 @@ namespace vestibule::app {
 /// removes what was not committed.
 class Interrupted : public std::runtime_error {
  public:
-  Interrupted() : std::runtime_error("interrupted; nothing was written") {}
+  explicit Interrupted(const std::string& text = "interrupted; nothing was written")
+      : std::runtime_error(text) {}
 };
 void installSignalHandlers();
 /// Throws Interrupted once a signal has come.

@@ -18,6 +18,7 @@
 #include "vestibule/geo/site.hpp"
 #include "vestibule/io/csv_mapping.hpp"
 #include "vestibule/io/map_io.hpp"
+#include "vestibule/mapping/gmapping_names.hpp"
 #include "vestibule/pipeline/mission.hpp"
 #include "vestibule/sim/scenario.hpp"
 #include "vestibule/sim/simulator.hpp"
@@ -100,6 +101,8 @@ TEST(ShippedConfig, ResolvedConfigurationLoadsToItself) {
 const std::vector<std::pair<std::string, std::function<void(const std::string&)>>>& loaders() {
   static const std::vector<std::pair<std::string, std::function<void(const std::string&)>>> kAll{
       {"config/csv", [](const std::string& path) { (void)loadParams<io::CsvMapping>(path); }},
+      {"config/gmapping",
+       [](const std::string& path) { (void)loadParams<mapping::GmappingNames>(path); }},
       {"config/sim", [](const std::string& path) { (void)loadParams<sim::SimParams>(path); }},
       {"config/scenarios",
        [](const std::string& path) { (void)sim::loadScenario(path, shipped("config/scenarios")); }},

@@ -10,6 +10,7 @@
 #include "vestibule/io/map_io.hpp"
 #include "vestibule/io/recording_info.hpp"
 #include "vestibule/io/run_directory.hpp"
+#include "vestibule/io/simple_map.hpp"
 #include "vestibule/io/trajectory.hpp"
 
 namespace vestibule::io {
@@ -204,6 +205,56 @@ TEST(MapIo, SavedMapsComeBackExactly) {
   saveMapServer(back, (folder / "b.yaml").string(), (folder / "b.pgm").string(), "a.pgm");
   EXPECT_EQ(readFile(folder / "b.yaml"), readFile(folder / "a.yaml"));
   EXPECT_EQ(readFile(folder / "b.pgm"), readFile(folder / "a.pgm"));
+}
+
+TEST(MapIo, AGeoreferenceIsWrittenAndDoesNotDisturb) {
+  const auto folder = testFolder();
+  const auto map =
+      grid::OccupancyMap::fromCells(2, 1, 0.05, {0.0, 0.0}, {Cell::kFree, Cell::kOccupied});
+  MapGeoreference g;
+  g.datum = {47.5, 8.25, 410.0};
+  g.T_map_grid = {10.0, -20.5, 0.5};
+  g.cov.diagonal() << 0.04, 0.09, 0.0001;
+  saveMapServer(
+      map, (folder / "g.yaml").string(), (folder / "g.pgm").string(), {}, g);
+  EXPECT_THAT(
+      readFile(folder / "g.yaml"),
+      testing::AllOf(
+          HasSubstr("datum: [47.5, 8.25, 410]"),
+          HasSubstr("T_map_grid: [10, -20.5, 28.6478"),
+          HasSubstr("    - [0, 0.09, 0]")));
+  EXPECT_EQ(loadMap((folder / "g.yaml").string()).count(Cell::kOccupied), 1U);
+  writeFile(folder / "bad.yaml", readFile(folder / "g.yaml") + "  datums: [1, 2, 3]\n");
+  EXPECT_THAT(mapError((folder / "bad.yaml").string()), HasSubstr("georeference.datums"));
+}
+
+TEST(SimpleMap, ComesBackWithSessionsAndPoses) {
+  const auto folder = testFolder();
+  MapFrame frame;
+  frame.T_map_base = {1.25, -2.5, 0.75};
+  frame.session = 3;
+  frame.scan.stamp = {1'700'000'000'123'456'700};
+  frame.scan.angle_min_rad = -1.0;
+  frame.scan.angle_step_rad = 0.5;
+  frame.scan.range_max_m = 20.0;
+  frame.scan.ranges_m = {1.0F, 2.0F, 30.0F, 4.0F};
+  frame.scan.T_base_laser = {0.2, 0.1, 0.3};
+  saveSimpleMap((folder / "m.simplemap").string(), {frame, frame});
+  const auto back = readSimpleMap((folder / "m.simplemap").string());
+  ASSERT_EQ(back.size(), 2U);
+  EXPECT_EQ(back[1].session, 3);
+  EXPECT_EQ(back[1].scan.stamp, frame.scan.stamp);
+  EXPECT_THAT(back[1].T_map_base, poseNear(frame.T_map_base, 1e-9, 1e-9));
+  // Beams point where they did, whichever way their angles are split.
+  for (const std::size_t i : {0U, 1U, 3U}) {
+    EXPECT_NEAR(
+        back[1].scan.T_base_laser.phi + back[1].scan.angle(i),
+        frame.scan.T_base_laser.phi + frame.scan.angle(i),
+        1e-6);
+    EXPECT_EQ(back[1].scan.ranges_m[i], frame.scan.ranges_m[i]);
+  }
+  EXPECT_FALSE(back[1].scan.valid(2));
+  EXPECT_THROW((void)readSimpleMap((folder / "none.simplemap").string()), InputError);
 }
 
 TEST(MapIo, BadMapsNameThePlace) {

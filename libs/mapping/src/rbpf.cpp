@@ -31,8 +31,11 @@ constexpr double kSlipLeft = 4.0;       // squared distance left to it then
 constexpr double kSearchSigmas = 3.0;   // of odometry, half side of the search
 constexpr double kSearchMargin_m = 0.08;
 constexpr double kSearchMargin_rad = degToRad(2.0);
-constexpr double kMinMatchedShare = 0.25;  // fewer points on walls cannot vouch for a wide search
-constexpr double kClearGain = 2.0;         // log-likelihood by which a wider search must be better
+// A wider search finds something that fits by chance in most maps: it is believed only if nearly
+// all of the scan fits there, and much better than near the odometry.
+constexpr double kWideMatchedShare = 0.6;
+constexpr double kWideKnownShare = 0.85;
+constexpr double kWideGain = 5.0;  // of the log-likelihood
 constexpr double kLongGap_s = 0.5;
 
 struct Particle {
@@ -245,8 +248,9 @@ struct Rbpf::Impl {
                                    m.window_rad, kSearchSigmas * sigma_rad + kSearchMargin_rad));
     if (match.fit.known_share < m.poor_share) {
       const Try wide = attempt(m.wide_window_m, m.wide_window_rad);
-      if (wide.fit.matched_share > kMinMatchedShare && wide.fit.known_share >= m.poor_share &&
-          wide.fit.log_likelihood > match.fit.log_likelihood + kClearGain) {
+      if (wide.fit.matched_share >= kWideMatchedShare &&
+          wide.fit.known_share >= kWideKnownShare &&
+          wide.fit.log_likelihood > match.fit.log_likelihood + kWideGain) {
         match = wide;
       }
     }
@@ -427,9 +431,9 @@ void Rbpf::start(const Pose2& T_map_base, const PatchMap& map) {
 
 void Rbpf::repeat(std::vector<Generation> generations) {
   assert(impl_->scans == 0);
-  const auto n = static_cast<std::size_t>(impl_->params.particles);
-  for (const Generation& g : generations) assert(g.poses.size() == n && g.parents.size() == n);
-  (void)n;
+  assert(
+      generations.empty() ||
+      generations.front().poses.size() == static_cast<std::size_t>(impl_->params.particles));
   impl_->recorded = std::move(generations);
   impl_->markDescent();
 }

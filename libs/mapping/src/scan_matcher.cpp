@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 #include "vestibule/core/angles.hpp"
 
@@ -212,7 +214,7 @@ constexpr double kBlur_m = 0.05;       // of the field that the search looks at
 constexpr double kMinAngleStep_rad = degToRad(0.25);
 constexpr double kMaxAngleStep_rad = degToRad(2.0);
 constexpr std::size_t kSearchBeams = 90;
-constexpr double kSearchReach = 1.25;  // of ScanPoints::reach_m, points used
+constexpr int kStampReach = 4;  // [cells] at least what a blurred cell reaches
 constexpr double kPriorBound = 5.0;    // log-likelihood that the prior can cost, at most
 
 struct Candidate {
@@ -296,20 +298,33 @@ Pose2 ScanMatcher::search(
       std::clamp(res / std::max(scan.reach_m, 0.1), kMinAngleStep_rad, kMaxAngleStep_rad);
   const int turns = static_cast<int>(std::ceil(window_rad / angle_step));
 
-  // Far points would need a large field; the refinement has them.
-  const double radius = std::min(kSearchReach * scan.reach_m, params_.max_range_m);
-  std::vector<Point2> points;
-  const std::size_t wanted = std::min(scan.points.size(), kSearchBeams);
-  for (std::size_t k = 0; k < wanted; ++k) {
-    const ScanPoint& p = scan.points[k * scan.points.size() / wanted];
-    if (std::hypot(p.x, p.y) <= radius) points.push_back({p.x, p.y});
-  }
-  const std::size_t n = points.size();
+  const std::size_t n = std::min(scan.points.size(), kSearchBeams);
   if (n == 0) return prior.mean;
-  const int reach = static_cast<int>(std::ceil(radius / res)) + window + 4 + (1 << levels);
-  const int cx = map.cellOf(prior.mean.x);
-  const int cy = map.cellOf(prior.mean.y);
-  drawField(map, cx - reach, cy - reach, cx + reach, cy + reach);
+
+  // Cells of the end points, per rotation, and the box that holds them all.
+  const auto rotations = static_cast<std::size_t>(2 * turns + 1);
+  std::vector<std::pair<int, int>> ends(rotations * n);
+  int x0 = std::numeric_limits<int>::max();
+  int y0 = x0;
+  int x1 = std::numeric_limits<int>::min();
+  int y1 = x1;
+  for (std::size_t r = 0; r < rotations; ++r) {
+    const double yaw = prior.mean.phi + (static_cast<double>(r) - turns) * angle_step;
+    const double c = std::cos(yaw);
+    const double s = std::sin(yaw);
+    for (std::size_t k = 0; k < n; ++k) {
+      const ScanPoint& p = scan.points[k * scan.points.size() / n];
+      const int ix = map.cellOf(prior.mean.x + c * p.x - s * p.y);
+      const int iy = map.cellOf(prior.mean.y + s * p.x + c * p.y);
+      ends[r * n + k] = {ix, iy};
+      x0 = std::min(x0, ix);
+      x1 = std::max(x1, ix);
+      y0 = std::min(y0, iy);
+      y1 = std::max(y1, iy);
+    }
+  }
+  const int rim = window + (1 << levels) + kStampReach;
+  drawField(map, x0 - rim, y0 - rim, x1 + rim, y1 + rim);
   const auto width = static_cast<std::size_t>(field_.width);
   const std::size_t cells = field_.cells.size();
   // max_[level](x, y) = maximum over [x, x + 2^level) x [y, y + 2^level).
@@ -332,19 +347,10 @@ Pose2 ScanMatcher::search(
     }
   }
 
-  // Cell offsets of the end points, per rotation.
-  const auto rotations = static_cast<std::size_t>(2 * turns + 1);
-  std::vector<std::size_t> offsets(rotations * n);
-  for (std::size_t r = 0; r < rotations; ++r) {
-    const double yaw = prior.mean.phi + (static_cast<double>(r) - turns) * angle_step;
-    const double c = std::cos(yaw);
-    const double s = std::sin(yaw);
-    for (std::size_t k = 0; k < n; ++k) {
-      const Point2& p = points[k];
-      const int ix = map.cellOf(prior.mean.x + c * p.x - s * p.y) - field_.x0;
-      const int iy = map.cellOf(prior.mean.y + s * p.x + c * p.y) - field_.y0;
-      offsets[r * n + k] = static_cast<std::size_t>(iy) * width + static_cast<std::size_t>(ix);
-    }
+  std::vector<std::size_t> offsets(ends.size());
+  for (std::size_t i = 0; i < ends.size(); ++i) {
+    offsets[i] = static_cast<std::size_t>(ends[i].second - field_.y0) * width +
+                 static_cast<std::size_t>(ends[i].first - field_.x0);
   }
   const auto score = [&](int level, int rotation, int dx, int dy) {
     const std::uint8_t* grid = max_[static_cast<std::size_t>(level)].data();

@@ -101,12 +101,17 @@ class Drive {
   }
 
   MapDriveResult run() {
-    if (with_gyro_) {
-      forEachInStampOrder(
-          reader_, [this](const Measurement& m) { process(m); }, [](double, double) {});
-    } else {
-      // Stamps may run backwards; the order of the file is the order of the drive.
-      while (const auto record = reader_.next()) process(record->measurement);
+    try {
+      if (with_gyro_) {
+        forEachInStampOrder(
+            reader_, [this](const Measurement& m) { process(m); }, [](double, double) {});
+      } else {
+        // Stamps may run backwards; the order of the file is the order of the drive.
+        while (const auto record = reader_.next()) process(record->measurement);
+      }
+    } catch (const InputError& error) {
+      if (filter_.generations().size() < 2) throw;  // nothing worth keeping
+      damage_ = error.what();
     }
     if (nodes_.empty()) {
       throw InputError(
@@ -193,9 +198,9 @@ class Drive {
     const std::vector<std::size_t> used = usedScans();
     const std::vector<Pose2> path = filter_.bestPath();
     mapping::spreadPath(nodes_, used, path);
-    MapDriveResult r{
-        mapping::toOccupancyMap(filter_.bestMap(), config_.mapping.known_poses.margin_m),
-        inFileOrder()};
+    MapDriveResult r(
+        mapping::toOccupancyMap(filter_.bestMap(), config_.mapping.known_poses.margin_m));
+    r.trajectory = inFileOrder();
     r.quality = mapping::judgeMap(
         filter_.bestMap(), heldOut(used), config_.mapping.filter.matcher);
     r.graph_g2o = mapping::g2oOf(path);
@@ -215,6 +220,7 @@ class Drive {
       r.distance_m += distance(r.trajectory[i - 1].pose, r.trajectory[i].pose);
     }
     r.notes = reader_.notes();
+    r.damage = damage_;
     if (options_.georeference) georeference(r);
     return r;
   }
@@ -302,6 +308,7 @@ class Drive {
   std::vector<mapping::ScanNode> nodes_;
   std::vector<FixAt> fixes_;
   std::size_t repeated_ = 0;
+  std::optional<std::string> damage_;
   Timestamp first_;
   Timestamp last_;
 };

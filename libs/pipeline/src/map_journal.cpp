@@ -105,20 +105,23 @@ MapJournal::MapJournal(
     sound = at;
   }
   if (bytes.empty()) {
-    out_.open(path_, std::ios::binary | std::ios::trunc);
-    out_ << header << std::flush;
-  } else {
+    header_ = header;  // the file appears with its first record
     std::error_code error;
-    std::filesystem::resize_file(path_, sound, error);
-    out_.open(path_, std::ios::binary | std::ios::app);
+    std::filesystem::remove(path_, error);
+    return;
   }
+  std::error_code error;
+  std::filesystem::resize_file(path_, sound, error);
+  out_.open(path_, std::ios::binary | std::ios::app);
   if (!out_) throw ConfigError(path_ + ": cannot be written; choose another --out folder");
 }
 
 void MapJournal::append(const mapping::Generation& generation) {
   std::string record = payloadOf(generation);
   put(record, checksum(record));
-  out_ << record << std::flush;
+  if (!out_.is_open()) out_.open(path_, std::ios::binary | std::ios::trunc);
+  out_ << header_ << record << std::flush;
+  header_.clear();
   if (!out_) throw ConfigError(path_ + ": cannot be written (disk full?)");
 }
 

@@ -26,6 +26,7 @@ class MapJournal {
   std::string path_;
   std::size_t particles_;
   std::vector<mapping::Generation> recorded_;
+  std::string header_;  // not written yet
   std::ofstream out_;
 };
 

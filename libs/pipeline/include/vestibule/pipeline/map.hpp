@@ -3,6 +3,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "vestibule/core/events.hpp"
@@ -57,6 +58,8 @@ struct MapUpdate {
 };
 
 struct MapDriveResult {
+  explicit MapDriveResult(grid::OccupancyMap m) : map(std::move(m)) {}
+
   grid::OccupancyMap map;
   metrics::Trajectory trajectory;      ///< T_map_base, one per laser scan, in file order
   std::vector<io::MapFrame> frames;    ///< the scans in the map, earlier drives first
@@ -70,6 +73,8 @@ struct MapDriveResult {
   double data_s = 0.0;          ///< largest minus smallest stamp
   double distance_m = 0.0;
   std::vector<std::string> notes;
+  /// What is wrong with the recording where it could not be read on; the map is of what came before.
+  std::optional<std::string> damage;
 };
 
 /// Maps a drive with the particle filter.

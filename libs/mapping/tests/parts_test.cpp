@@ -1,0 +1,161 @@
+// The smaller parts: deskewing, the path of a drive, map figures, GMapping's names.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "room.hpp"
+#include "vestibule/mapping/deskew.hpp"
+#include "vestibule/mapping/drive_path.hpp"
+#include "vestibule/mapping/gmapping_names.hpp"
+#include "vestibule/mapping/map_quality.hpp"
+#include "vestibule/mapping/mapping_params.hpp"
+
+namespace vestibule::mapping {
+namespace {
+
+using test::Room;
+using test::RoomDrive;
+
+TEST(Deskew, UndoesTheMotionDuringAScan) {
+  // GIVEN a scan taken in 0.1 s by a robot that drives 1 m/s and turns 1 rad/s
+  const Room room;
+  constexpr double kSpeed = 1.0;
+  constexpr double kRate = 1.0;
+  const Pose2 start{3.0, 2.0, 0.4};
+  const LaserScan still = room.scanFrom(start);
+  LaserScan skewed = still;
+  skewed.time_increment_s = 0.1 / 180.0;
+  for (std::size_t i = 0; i < skewed.ranges_m.size(); ++i) {
+    const double t = static_cast<double>(i) * skewed.time_increment_s;
+    const Pose2 then = compose(start, expSe2({kSpeed * t, 0.0, kRate * t}));
+    skewed.ranges_m[i] = room.scanFrom(then).ranges_m[i];
+  }
+  // WHEN it is deskewed
+  const LaserScan fixed = deskewed(skewed, kSpeed, kRate);
+  // THEN nearly all ranges are what a still robot sees; before, most were not
+  std::size_t wrong_before = 0;
+  std::size_t wrong_after = 0;
+  for (std::size_t i = 0; i < still.ranges_m.size(); ++i) {
+    wrong_before += std::abs(skewed.ranges_m[i] - still.ranges_m[i]) > 0.03F ? 1U : 0U;
+    wrong_after += std::abs(fixed.ranges_m[i] - still.ranges_m[i]) > 0.03F ? 1U : 0U;
+  }
+  EXPECT_GT(wrong_before, 80U);
+  EXPECT_LT(wrong_after, 8U);
+  EXPECT_EQ(fixed.time_increment_s, 0.0);
+}
+
+TEST(Deskew, LeavesAScanWithoutBeamTimesAlone) {
+  const LaserScan scan = Room().scanFrom({3.0, 2.0, 0.4});
+  EXPECT_EQ(deskewed(scan, 1.0, 1.0).ranges_m, scan.ranges_m);
+}
+
+TEST(DrivePath, SpreadsWhatTheOdometryIsOffOverTheWay) {
+  std::vector<ScanNode> nodes(6);
+  for (std::size_t i = 0; i < 6; ++i) nodes[i].T_odom_base = {static_cast<double>(i), 0.0, 0.0};
+  // GIVEN used scans 0 and 4, the second 0.4 m to the left of where the odometry puts it
+  spreadPath(nodes, {0, 4}, {{1.0, 1.0, 0.0}, {5.0, 1.4, 0.0}});
+  EXPECT_NEAR(nodes[0].T_map_base.y, 1.0, 1e-12);
+  EXPECT_NEAR(nodes[1].T_map_base.y, 1.1, 1e-6);
+  EXPECT_NEAR(nodes[3].T_map_base.y, 1.3, 1e-6);
+  EXPECT_NEAR(nodes[4].T_map_base.y, 1.4, 1e-12);
+  EXPECT_NEAR(nodes[5].T_map_base.x, 6.0, 1e-12);
+}
+
+TEST(DrivePath, G2oHasAVertexPerPoseAndAnEdgePerStep) {
+  const std::string text = g2oOf({{0, 0, 0}, {1, 0, kPi / 2}, {1, 2, kPi / 2}});
+  EXPECT_THAT(text, testing::HasSubstr("VERTEX_SE2 1 1.000000000 0.000000000 1.570796327\n"));
+  EXPECT_THAT(
+      text, testing::HasSubstr("EDGE_SE2 1 2 2.000000000 0.000000000 0.000000000 2500 0 0 2500 0 "));
+}
+
+TEST(DrivePath, FindsTheStartInAMap) {
+  const RoomDrive drive(60);
+  std::vector<ScanNode> nodes;
+  for (std::size_t i = 0; i < 60; i += 2) {
+    nodes.push_back({drive.scans[i], {}, drive.T_map_base[i]});
+  }
+  const PatchMap map = mapOf(nodes, {});
+  const auto found = findInMap(map, drive.scans[31], {});
+  ASSERT_TRUE(found);
+  EXPECT_LT(distance(*found, drive.T_map_base[31]), 0.02);
+  // A scan of another place fits nowhere.
+  LaserScan elsewhere = drive.scans[31];
+  for (std::size_t i = 0; i < elsewhere.ranges_m.size(); ++i) {
+    elsewhere.ranges_m[i] = 3.0F + 2.0F * static_cast<float>(std::sin(0.35 * static_cast<double>(i)));
+  }
+  EXPECT_FALSE(findInMap(map, elsewhere, {}));
+}
+
+TEST(MapQuality, AMapOfWrongPosesScoresWorse) {
+  const RoomDrive drive;
+  std::vector<ScanNode> right;
+  std::vector<ScanNode> wrong;
+  std::vector<ScanNode> held_out;
+  RandomStream noise(2, "wrong poses");
+  for (std::size_t i = 0; i < drive.scans.size(); ++i) {
+    const ScanNode node{drive.scans[i], {}, drive.T_map_base[i]};
+    if (i % 3 == 2) {
+      held_out.push_back(node);
+      continue;
+    }
+    right.push_back(node);
+    wrong.push_back(node);
+    wrong.back().T_map_base = compose(
+        node.T_map_base, {noise.normal(0.0, 0.05), noise.normal(0.0, 0.05), noise.normal(0.0, 0.02)});
+  }
+  const MapQuality good = judgeMap(mapOf(right, {}), held_out, {});
+  const MapQuality bad = judgeMap(mapOf(wrong, {}), held_out, {});
+  EXPECT_EQ(good.held_out_scans, 40U);
+  EXPECT_GT(good.held_out_log_likelihood, bad.held_out_log_likelihood + 0.05);
+  EXPECT_LT(good.entropy_bit, bad.entropy_bit);
+  EXPECT_LT(good.wall_thickness_m, bad.wall_thickness_m);
+  EXPECT_GT(good.held_out_matched_share, 0.95);
+}
+
+TEST(MapQuality, AThinPoleStaysInTheMap) {
+  Room room;
+  room.addPolygon({{6.0, 2.0}, {6.01, 2.0}, {6.01, 2.01}, {6.0, 2.01}});
+  std::vector<ScanNode> nodes;
+  for (int i = 0; i < 60; ++i) {
+    ScanNode node;
+    node.T_map_base = {2.0 + 0.06 * i, 2.6, -0.2};
+    node.scan = room.scanFrom(node.T_map_base);
+    nodes.push_back(node);
+  }
+  const grid::OccupancyMap map = toOccupancyMap(mapOf(nodes, {}), 0.5);
+  EXPECT_EQ(map.at({6.005, 2.005}), grid::Cell::kOccupied);
+  EXPECT_EQ(map.at({5.5, 2.3}), grid::Cell::kFree);
+  EXPECT_EQ(map.at({-1.0, 2.0}), grid::Cell::kUnknown);
+}
+
+TEST(GmappingNames, AreReadAndWrittenIntoTheFilter) {
+  const auto params = parseParams<MappingParams>(
+      "gmapping: {particles: 40, linearUpdate: 0.4, angularUpdate: 0.2, srr: 0.3, stt: 0.4, "
+      "resampleThreshold: 0.3, lsigma: 0.06, delta: 0.1, maxUrange: 12, occ_thresh: 0.4, "
+      "temporalUpdate: -1, kernelSize: 1}",
+      "mine.yaml");
+  EXPECT_EQ(params.filter.particles, 40);
+  EXPECT_EQ(params.filter.update_d_m, 0.4);
+  EXPECT_EQ(params.filter.update_a_rad, 0.2);
+  EXPECT_EQ(params.filter.update_max_s, 0.0);
+  EXPECT_EQ(params.filter.resample_below, 0.3);
+  EXPECT_EQ(params.filter.odometry.trans_per_trans, 0.3);
+  EXPECT_EQ(params.filter.odometry.rot_per_rot, 0.4);
+  EXPECT_EQ(params.filter.matcher.sigma_m, 0.06);
+  EXPECT_EQ(params.filter.map.resolution_m, 0.1);
+  EXPECT_EQ(params.filter.map.max_range_m, 12.0);
+  EXPECT_EQ(params.filter.map.occupied_ratio, 0.4);
+  EXPECT_THAT(params.gmapping.withoutEffect(), testing::ElementsAre("kernelSize"));
+}
+
+TEST(GmappingNames, AWrongNameIsAnError) {
+  try {
+    (void)parseParams<GmappingNames>("particels: 30", "mine.yaml");
+    FAIL();
+  } catch (const std::exception& e) {
+    EXPECT_THAT(e.what(), testing::HasSubstr("particels: unknown key (did you mean particles?)"));
+  }
+}
+
+}  // namespace
+}  // namespace vestibule::mapping

@@ -1,0 +1,185 @@
+// vestibule map without known poses: from a drive to a map, after a kill, over two drives.
+
+#include <signal.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "cli_fixture.hpp"
+#include "room_log.hpp"
+#include "vestibule/grid/occupancy_map.hpp"
+#include "vestibule/io/map_io.hpp"
+#include "vestibule/io/simple_map.hpp"
+#include "vestibule/io/trajectory.hpp"
+
+namespace vestibule::test {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using testing::HasSubstr;
+
+class MapDrive : public Cli {
+ protected:
+  void SetUp() override { file("raw.log", drive_.carmenLog(false)); }
+
+  void map(const std::string& out, std::vector<std::string> more = {}) {
+    std::vector<std::string> arguments{"map", path("raw.log"), "--out", path(out)};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const CommandResult result = run(arguments);
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    EXPECT_EQ(result.err, "");
+  }
+
+  [[nodiscard]] json summary(const std::string& out) const {
+    return json::parse(readFile(path(out + "/summary.json")));
+  }
+
+  void expectSameMaps(const std::string& a, const std::string& b) const {
+    for (const char* name : {"map.pgm", "map.yaml", "trajectory.tum", "graph.g2o", "summary.json"}) {
+      EXPECT_EQ(readFile(path(a + "/" + name)), readFile(path(b + "/" + name))) << name;
+    }
+  }
+
+  RoomDrive drive_;
+};
+
+TEST_F(MapDrive, MakesAMapThatOthersCanRead) {
+  ASSERT_NO_FATAL_FAILURE(map("out", {"--particles", "5", "--preview", "50"}));
+  // THEN there is a pose for every scan with its own stamp, right to a fraction of a cell
+  const io::Trajectory poses = io::readTum(path("out/trajectory.tum"));
+  ASSERT_EQ(poses.size(), drive_.poses.size());
+  double worst_m = 0.0;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    EXPECT_EQ(poses[i].stamp, drive_.stamps[i]) << "line " << i + 1;
+    const Pose2 truth = between(drive_.poses.front(), drive_.poses[i]);
+    worst_m = std::max(
+        worst_m, distance(between(toPose2(poses.front().T), toPose2(poses[i].T)), truth));
+  }
+  EXPECT_LT(worst_m, 0.05);
+  // AND the room of 9 x 7 m in both kinds of map
+  const grid::OccupancyMap grid = io::loadMap(path("out/map.yaml"));
+  EXPECT_GT(static_cast<double>(grid.count(grid::Cell::kFree)) * 0.0025, 50.0);
+  EXPECT_GT(grid.count(grid::Cell::kOccupied), 400U);
+  EXPECT_EQ(
+      io::readSimpleMap(path("out/map.simplemap")).size(), summary("out")["scans_used"].get<std::size_t>());
+  EXPECT_THAT(readFile(path("out/graph.g2o")), HasSubstr("VERTEX_SE2 1 "));
+  EXPECT_THAT(readFile(path("out/report.html")), HasSubstr("Effective particles"));
+  EXPECT_EQ(summary("out")["particles"], 5);
+  EXPECT_GT(summary("out")["held_out"]["matched_share"], 0.9);
+  EXPECT_TRUE(fs::exists(path("out/preview.png")));
+  EXPECT_FALSE(fs::exists(path("out/map.journal")));
+}
+
+TEST_F(MapDrive, KilledAndResumedItGivesTheSame) {
+  ASSERT_NO_FATAL_FAILURE(map("whole"));
+  // GIVEN a run that is killed once it has written some updates
+  for (const std::uintmax_t wanted : {2'000U, 9'000U}) {
+    SCOPED_TRACE(wanted);
+    const fs::path journal = path("killed/map.journal");
+    {
+      ChildProcess process(
+          commandLine({"map", path("raw.log"), "--out", path("killed")}), folder_.path());
+      std::error_code error;
+      while (process.running() && !(fs::exists(journal) && fs::file_size(journal, error) > wanted)) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      }
+      process.sendSignal(SIGKILL);
+      (void)process.wait();
+    }
+    // WHEN it goes on
+    ASSERT_NO_FATAL_FAILURE(map("killed", {"--resume"}));
+    // THEN the result is that of the run that was left alone
+    expectSameMaps("whole", "killed");
+    EXPECT_FALSE(fs::exists(journal));
+    fs::remove_all(path("killed"));
+  }
+}
+
+TEST_F(MapDrive, ResumeRefusesTheJournalOfAnotherRun) {
+  ChildProcess process(
+      commandLine({"map", path("raw.log"), "--out", path("out")}), folder_.path());
+  while (process.running() && !fs::exists(path("out/map.journal"))) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  process.sendSignal(SIGKILL);
+  (void)process.wait();
+  const CommandResult result = run(
+      {"map", path("raw.log"), "--particles", "3", "--resume", "--out", path("out")});
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_THAT(result.err, HasSubstr("map.journal: is of a run with another recording"));
+}
+
+TEST_F(MapDrive, ASecondDriveIsAddedAndCutOutAgain) {
+  ASSERT_NO_FATAL_FAILURE(map("first"));
+  ASSERT_NO_FATAL_FAILURE(map("both", {"--extend", path("first")}));
+  EXPECT_EQ(summary("both")["sessions"], json({1, 2}));
+  const auto frames = io::readSimpleMap(path("both/map.simplemap"));
+  EXPECT_GT(frames.size(), io::readSimpleMap(path("first/map.simplemap")).size());
+  EXPECT_EQ(frames.front().session, 1);
+  EXPECT_EQ(frames.back().session, 2);
+  // The same drive again lies on the first one.
+  EXPECT_LT(distance(frames.back().T_map_base,
+                     io::readSimpleMap(path("first/map.simplemap")).back().T_map_base),
+            0.05);
+  const CommandResult cut =
+      run({"map", "--extend", path("both"), "--cut", "2", "--out", path("cut")});
+  EXPECT_EQ(cut.exit_code, 0) << cut.err;
+  EXPECT_EQ(
+      io::readSimpleMap(path("cut/map.simplemap")).size(),
+      io::readSimpleMap(path("first/map.simplemap")).size());
+  const CommandResult wrong =
+      run({"map", "--extend", path("both"), "--cut", "7", "--out", path("wrong")});
+  EXPECT_EQ(wrong.exit_code, 2);
+  EXPECT_THAT(wrong.err, HasSubstr("--cut 7: no such session"));
+}
+
+TEST_F(MapDrive, ADamagedLogGivesTheMapOfWhatCameBefore) {
+  const std::string whole = drive_.carmenLog(false);
+  const std::size_t cut = whole.find("FLASER", whole.size() * 2 / 3);
+  file("cut.log", whole.substr(0, cut + 40));
+  const CommandResult result = run({"map", path("cut.log"), "--out", path("out")});
+  EXPECT_EQ(result.exit_code, 3);
+  EXPECT_THAT(result.err, testing::ContainsRegex("cut.log:[0-9]+: FLASER line has"));
+  EXPECT_THAT(result.err, HasSubstr("the map is of the"));
+  EXPECT_GT(io::readTum(path("out/trajectory.tum")).size(), 60U);
+}
+
+TEST_F(MapDrive, GmappingParametersByTheirNames) {
+  const std::string params = file("gmapping.yaml", "particles: 4\nlinearUpdate: 0.5\nxmin: -10\n");
+  ASSERT_NO_FATAL_FAILURE(map("out", {"--gmapping-params", params}));
+  EXPECT_EQ(summary("out")["particles"], 4);
+  EXPECT_THAT(
+      summary("out")["notes"].dump(), HasSubstr("gmapping: xmin has no counterpart here"));
+  EXPECT_THAT(readFile(path("out/config.resolved.yaml")), HasSubstr("update_d_m: 0.5"));
+  const std::string wrong = file("wrong.yaml", "particels: 4\n");
+  const CommandResult result =
+      run({"map", path("raw.log"), "--gmapping-params", wrong, "--out", path("wrong")});
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_THAT(result.err, HasSubstr("wrong.yaml:1: particels: unknown key"));
+}
+
+TEST_F(MapDrive, WrongCombinationsAreExplained) {
+  const std::vector<std::pair<std::vector<std::string>, std::string>> cases{
+      {{}, "give a LOG to map"},
+      {{path("raw.log"), "--cut", "1"}, "--cut needs --extend"},
+      {{path("raw.log"), "--init", "0,0,0"}, "it needs --extend"},
+      {{path("raw.log"), "--known-poses", "--resume"}, "--known-poses goes with none of"},
+      {{path("raw.log"), "--georeference"}, "0 GNSS fixes"}};
+  for (const auto& [arguments, text] : cases) {
+    std::vector<std::string> command{"map"};
+    command.insert(command.end(), arguments.begin(), arguments.end());
+    command.insert(command.end(), {"--out", path("out")});
+    const CommandResult result = run(command);
+    EXPECT_NE(result.exit_code, 0);
+    EXPECT_THAT(result.err, HasSubstr(text));
+    expectNoOutput("out");
+  }
+}
+
+}  // namespace
+}  // namespace vestibule::test
