@@ -46,7 +46,10 @@ Contour::Contour(const LaserScan& scan, double max_range_m) : T_base_laser_(scan
   }
   step_rad_ = scan.angle_step_rad * static_cast<double>(stride);
   const auto count = static_cast<double>(beams_.size());
-  middle_rad_ = scan.angle_min_rad + 0.5 * (count - 1.0) * step_rad_;
+  const double middle_rad =
+      T_base_laser_.phi + scan.angle_min_rad + 0.5 * (count - 1.0) * step_rad_;
+  middle_cos_ = std::cos(middle_rad);
+  middle_sin_ = std::sin(middle_rad);
   full_circle_ = count * std::abs(step_rad_) > 2.0 * kPi - 1.5 * std::abs(step_rad_);
   if (!ranges.empty()) {
     const auto k = static_cast<std::ptrdiff_t>(kReachQuantile * static_cast<double>(ranges.size()));
@@ -136,11 +139,12 @@ Contour::Look Contour::look(const Point2& p_base, double gate_m) const {
   if (beams_.empty()) return result;
   const double dx = p_base.x - T_base_laser_.x;
   const double dy = p_base.y - T_base_laser_.y;
-  const double range = std::hypot(dx, dy);
-  const double off_middle = wrapToPi(std::atan2(dy, dx) - T_base_laser_.phi - middle_rad_);
+  const double range = std::sqrt(dx * dx + dy * dy);
+  const double off_middle = std::atan2(
+      middle_cos_ * dy - middle_sin_ * dx, middle_cos_ * dx + middle_sin_ * dy);
   const double index =
       off_middle / step_rad_ + 0.5 * static_cast<double>(beams_.size() - 1);
-  const int k0 = static_cast<int>(std::lround(index));
+  const int k0 = static_cast<int>(std::floor(index + 0.5));
   const double width = gate_m / std::max(range * std::abs(step_rad_), 1e-3);
   const int half = std::min(static_cast<int>(width) + 1, kMaxLook);
   double best = gate_m * gate_m;

@@ -42,7 +42,8 @@ class Contour {
   [[nodiscard]] int wrapped(int k) const;
 
   Pose2 T_base_laser_;
-  double middle_rad_ = 0.0;  // of the beams' directions, in the laser frame
+  double middle_cos_ = 1.0;  // of the middle of the beams' directions, in the base frame
+  double middle_sin_ = 0.0;
   double step_rad_ = 1.0;
   bool full_circle_ = false;
   double reach_m_ = 0.0;

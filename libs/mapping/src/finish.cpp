@@ -21,6 +21,9 @@ constexpr double kStepFloor_per_m = 0.02;
 constexpr double kStepFloor_rad = 0.002;
 constexpr double kStepFloor_rad_per_m = 0.008;
 
+constexpr double kStill_m = 0.005;
+constexpr double kStill_rad = 0.003;
+
 ShareDone between(const ShareDone& progress, double from, double to) {
   if (!progress) return {};
   return [progress, from, to](double share) { progress(from + share * (to - from)); };
@@ -144,7 +147,13 @@ FinishResult finishMap(
   }
   if (params.refine.iterations > 0 && keys.size() > 1) {
     parallelFor(nodes.size(), threads, [&](std::size_t i) {
-      if (is_key[i] == 0) corrected[i].T_map_base = refiner.place(corrected[i], key_before[i], poses);
+      const std::size_t k = key_before[i];
+      const Pose2 moved = vestibule::between(nodes[keys[k].node].T_odom_base, nodes[i].T_odom_base);
+      // A robot that stands still is where the key scan was.
+      const bool still = translationNorm(moved) < kStill_m && std::abs(moved.phi) < kStill_rad;
+      if (is_key[i] == 0 && !still) {
+        corrected[i].T_map_base = refiner.place(corrected[i], k, poses);
+      }
     });
   }
   for (std::size_t i = 0; i < nodes.size(); ++i) {

@@ -16,7 +16,7 @@ constexpr double kMinMatched = 0.3;
 constexpr int kRepairEvery = 5;       // iterations between two choices of pairs
 constexpr double kDamping = 1e-3;
 constexpr double kConverged_m = 5e-4;
-constexpr std::size_t kPlaceScans = 6;  // key scans that another scan is placed on
+constexpr std::size_t kPlaceScans = 4;  // key scans that another scan is placed on
 
 }  // namespace
 

@@ -13,8 +13,8 @@
 namespace vestibule::mapping {
 namespace {
 
-constexpr std::size_t kTargetScans = 7;
-constexpr std::size_t kQueryScans = 5;
+constexpr std::size_t kTargetScans = 5;
+constexpr std::size_t kQueryScans = 3;
 constexpr double kOverlapGate_m = 0.15;
 constexpr double kWindowSigmas = 3.0;
 constexpr double kLeastWindow_m = 0.6;
