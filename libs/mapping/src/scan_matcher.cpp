@@ -3,7 +3,6 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -398,18 +397,20 @@ Pose2 ScanMatcher::search(
         continue;
       }
       const int level = frame.level - 1;
-      std::array<Candidate, 4> children;
-      std::size_t count = 0;
+      // The best child comes to lie on top.
+      const std::size_t bottom = stack.size();
       for (int k = 0; k < 4; ++k) {
         const int dx = frame.c.dx + ((k & 1) << level);
         const int dy = frame.c.dy + ((k >> 1) << level);
         if (dx > window || dy > window) continue;
         const double bound =
             score(level, frame.c.rotation, dx, dy) - priorCost(level, frame.c.rotation, dx, dy);
-        if (bound > best.bound) children[count++] = {bound, frame.c.rotation, dx, dy};
+        if (bound <= best.bound) continue;
+        const Candidate child{bound, frame.c.rotation, dx, dy};
+        std::size_t at = stack.size();
+        while (at > bottom && stack[at - 1].c < child) --at;
+        stack.insert(stack.begin() + static_cast<std::ptrdiff_t>(at), Frame{level, child});
       }
-      std::sort(children.begin(), children.begin() + static_cast<std::ptrdiff_t>(count));
-      for (std::size_t k = count; k-- > 0;) stack.push_back({level, children[k]});
     }
   }
   max_[0].swap(field_.cells);
