@@ -115,7 +115,7 @@ gui_headless::ReportSection runMissionCommand(
   std::unique_ptr<io::RawlogWriter> recording;
   if (args.record) {
     recording = std::make_unique<io::RawlogWriter>(output.stage("recording.rawlog"));
-    hooks.measurement = [&](const Measurement& m) { recording->write(m, labelOf(m)); };
+    hooks.measurement = [&](const Measurement& m) { recording->write(m, io::labelOf(m)); };
   }
 
   double wall_s = 0.0;

@@ -69,7 +69,7 @@ Drive drive(const sim::Scenario& scenario, std::uint64_t seed, io::RawlogWriter&
     result.truth.push_back({run.simulator().time(), run.simulator().truth()});
     for (const sim::Delivered& delivered : arrived) {
       const Measurement& measurement = delivered.measurement;
-      const std::string label = labelOf(measurement);
+      const std::string label = io::labelOf(measurement);
       ++result.messages[label];
       recording.write(measurement, label);
       const auto* fix = std::get_if<GnssFix>(&measurement);

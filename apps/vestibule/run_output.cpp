@@ -70,14 +70,6 @@ Json toJson(const metrics::Statistics& s, double unit) {
   return json;
 }
 
-const char* labelOf(const Measurement& measurement) {
-  if (std::holds_alternative<WheelOdometry>(measurement)) return "ODOMETRY";
-  if (std::holds_alternative<Imu>(measurement)) return "IMU";
-  if (std::holds_alternative<GnssFix>(measurement)) return "GNSS";
-  if (std::holds_alternative<Heading>(measurement)) return "HEADING";
-  return "LASER";
-}
-
 std::string tumOf(const metrics::Trajectory& poses) {
   std::string text;
   for (const metrics::TimedPose& p : poses) text += io::formatTumLine({p.stamp, toPose3(p.pose)});

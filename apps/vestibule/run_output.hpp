@@ -66,9 +66,6 @@ class RunOutput {
 
 [[nodiscard]] Json toJson(const metrics::Statistics& s, double unit = 1.0);
 
-/// Sensor label of a simulated measurement in a recording.
-[[nodiscard]] const char* labelOf(const Measurement& measurement);
-
 /// A trajectory as the text of a TUM file.
 [[nodiscard]] std::string tumOf(const metrics::Trajectory& poses);
 

@@ -80,10 +80,14 @@ TEST(GnssByPlace, TheCampusHasGoodAndBadCorners) {
   const Result& open = results.at("open ground");
   EXPECT_EQ(open.share, 1.0);
   EXPECT_LT(open.error_m.median, 2.5);
-  // Beside walls the error grows more than the receiver admits.
-  const Result& facade = results.at("beside the library");
-  EXPECT_GT(facade.error_m.p95, 1.5 * open.error_m.p95);
-  EXPECT_GT(facade.error_m.median / facade.claimed_m, 1.1 * open.error_m.median / open.claimed_m);
+  // Beside walls fixes are off by metres and claim to be about as good as in the open.
+  for (const char* wall : {"beside the facade", "beside the library", "west doorway"}) {
+    SCOPED_TRACE(wall);
+    const Result& result = results.at(wall);
+    EXPECT_GT(result.error_m.median, 1.8 * result.claimed_m);
+    EXPECT_LT(result.claimed_m, 1.5 * open.claimed_m);
+    EXPECT_GT(result.error_m.p95, 3.0 * open.error_m.p95);
+  }
   EXPECT_EQ(results.at("garage").share, 0.0) << "under the ground";
   EXPECT_LT(results.at("passage").share, 0.5) << "under a roof, with an open side";
   // Behind glass there are fixes, and they are bad.

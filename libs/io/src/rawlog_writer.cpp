@@ -42,6 +42,14 @@ int qualityOf(GnssFixType type) {
 
 }  // namespace
 
+const char* labelOf(const Measurement& measurement) {
+  if (std::holds_alternative<WheelOdometry>(measurement)) return "ODOMETRY";
+  if (std::holds_alternative<Imu>(measurement)) return "IMU";
+  if (std::holds_alternative<GnssFix>(measurement)) return "GNSS";
+  if (std::holds_alternative<Heading>(measurement)) return "HEADING";
+  return "LASER";
+}
+
 struct RawlogWriter::Impl {
   std::string path;
   mrpt::io::CFileGZOutputStream stream;

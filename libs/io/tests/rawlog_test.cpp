@@ -4,12 +4,14 @@
 #include <mrpt/obs/CActionRobotMovement2D.h>
 #include <mrpt/obs/CObservation2DRangeScan.h>
 #include <mrpt/obs/CObservationComment.h>
+#include <mrpt/obs/CRawlog.h>
 #include <mrpt/obs/CSensoryFrame.h>
 #include <mrpt/serialization/CArchive.h>
 #include <zlib.h>
 
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "matchers.hpp"
 #include "temp_files.hpp"
@@ -95,6 +97,26 @@ TEST(Rawlog, WhatTheWriterWritesComesBack) {
     }
     EXPECT_NEAR(scan.T_base_laser.x, 0.2, 1e-9);
   }
+}
+
+TEST(Rawlog, MrptsOwnReaderLoadsIt) {
+  // What RawLogViewer and rawlog-edit open files with.
+  mrpt::obs::CRawlog log;
+  ASSERT_TRUE(log.loadFromRawLogFile(writeSample(testFolder() / "mrpt.rawlog", 3)));
+  ASSERT_EQ(log.size(), 16U) << "the wheels' start pose and five messages a round";
+  std::map<std::string, int> labels;
+  for (std::size_t i = 0; i < log.size(); ++i) {
+    ASSERT_EQ(log.getType(i), mrpt::obs::CRawlog::etObservation);
+    ++labels[log.getAsObservation(i)->sensorLabel];
+  }
+  EXPECT_THAT(
+      labels,
+      testing::ElementsAre(
+          testing::Pair("compass", 3),
+          testing::Pair("gnss", 3),
+          testing::Pair("imu", 3),
+          testing::Pair("laser", 3),
+          testing::Pair("wheels", 4)));
 }
 
 TEST(Rawlog, StampsKeepHundredNanoseconds) {

@@ -26,7 +26,6 @@ constexpr double kVerticalRatio = 1.5;    // of carrier-phase errors
 constexpr double kDecisionCell_m = 2.0;   // a reflection is received or not over this length ...
 constexpr double kDecision_s = 4.0;       // ... and this time
 constexpr double kReflectionNoise = 2.0;  // white noise of a reflection against a direct signal
-constexpr double kNoticed = 1.5;          // the receiver doubts weak signals this much
 constexpr double kWorstHdop = 20.0;       // a receiver reports no worse geometry
 constexpr double kRaimLimit = 4.0;        // times the claimed sigma
 constexpr int kRaimMost = 2;
@@ -59,6 +58,7 @@ void describe(ParamIo& io, GnssParams& params) {
   io.optional("nlos_bias_m", params.nlos_bias_m, nonNegative());
   io.optional("nlos_length_m", params.nlos_length_m, positive());
   io.optional("raim", params.raim);
+  io.optional("smoothing_s", params.smoothing_s, nonNegative());
   io.optional("float_sigma_m", params.float_sigma_m, positive());
   io.optional("fixed_sigma_m", params.fixed_sigma_m, positive());
   io.optional("wrong_fix_share", params.wrong_fix_share, within(0.0, 1.0));
@@ -101,6 +101,17 @@ void GnssModel::ageErrors() {
   for (double& slow : slow_) slow = keep * slow + fresh * random.normal();
 }
 
+Eigen::Vector3d GnssModel::smoothed(Timestamp stamp, const Eigen::Vector3d& code_error_m) {
+  constexpr double kStartsAnew_s = 2.0;  // without a fix for so long
+  const double since_s = smoothed_at_ ? toSeconds(stamp - *smoothed_at_) : kStartsAnew_s;
+  const bool anew = since_s >= std::max(kStartsAnew_s, 1.5 / params_.rate_hz);
+  const double keep =
+      anew || params_.smoothing_s == 0.0 ? 0.0 : std::exp(-since_s / params_.smoothing_s);
+  smoothed_m_ = keep * smoothed_m_ + (1.0 - keep) * code_error_m;
+  smoothed_at_ = stamp;
+  return smoothed_m_;
+}
+
 std::vector<GnssModel::Range> GnssModel::rangesNow(
     Timestamp stamp, const Moment& moment, const Eigen::Vector3d& p_map_antenna) {
   if (!sky_stamp_ || stamp - *sky_stamp_ >= kSkyPeriod) {
@@ -127,12 +138,12 @@ std::vector<GnssModel::Range> GnssModel::rangesNow(
     Range range;
     range.in_view = path.clear();
     if (!range.in_view) {
+      // A roof seen from outside is a part of the wall below it; a wall seen from indoors lets no
+      // more through than the roof does.
       double share = 1.0;
-      // A wall seen from indoors lets no more through than the roof does.
-      if (path.wall && !indoors) share *= params_.wall_share;
+      if (path.wall || path.roof) share *= indoors ? params_.roof_share : params_.wall_share;
       if (path.glass) share *= params_.glass_share;
       if (path.foliage) share *= params_.foliage_share;
-      if (path.roof || (path.wall && indoors)) share *= params_.roof_share;
       const double lot = placeUniform(receive_seed, static_cast<int>(i), here, kDecisionCell_m);
       if (lot >= share) continue;
       if (path.wall || path.roof) {
@@ -151,8 +162,7 @@ std::vector<GnssModel::Range> GnssModel::rangesNow(
     range.white_m = params_.range_white_m / sine * (range.in_view ? 1.0 : kReflectionNoise);
     range.slow_m = params_.range_slow_m / sine;
     range.slow_unit = slow_[i];
-    range.receiver_m = std::hypot(params_.range_white_m, params_.range_slow_m) / sine *
-                       (range.in_view ? 1.0 : kNoticed);
+    range.receiver_m = std::hypot(params_.range_white_m, params_.range_slow_m) / sine;
     ranges.push_back(range);
   }
   return ranges;
@@ -297,7 +307,7 @@ GnssFix GnssModel::measure(
   const double corrected = std::hypot(params_.range_white_m, slow_share * params_.range_slow_m) /
                            std::hypot(params_.range_white_m, params_.range_slow_m);
   Eigen::Matrix3d claimed = solution.gain_q.topLeftCorner<3, 3>() * corrected * corrected;
-  Eigen::Vector3d error = solution.x.head<3>();
+  Eigen::Vector3d error = smoothed(stamp, solution.x.head<3>());
   if (fix.type == GnssFixType::kRtkFloat || fix.type == GnssFixType::kRtkFixed) {
     const bool fixed = fix.type == GnssFixType::kRtkFixed;
     const double slow_m = fixed ? params_.fixed_sigma_m : params_.float_sigma_m;

@@ -4,6 +4,7 @@
 #include <iterator>
 #include <sdf/Box.hh>
 #include <sdf/Collision.hh>
+#include <sdf/Console.hh>
 #include <sdf/Cylinder.hh>
 #include <sdf/Geometry.hh>
 #include <sdf/Link.hh>
@@ -21,6 +22,7 @@ void addSdf(World& world, const std::string& path) {
   if (!file) throw InputError(path + ": no such file");
   const std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
   // From the text: models that the file only names are not looked up on the network.
+  sdf::Console::Instance()->SetQuiet(true);  // its complaints come back as `errors`
   sdf::Root root;
   const sdf::Errors errors = root.LoadSdfString(text);
   if (root.WorldCount() == 0) {

@@ -71,6 +71,30 @@ void loadAscii(HeightField& field, std::istream& in) {
   }
 }
 
+/// PNG between the heights of black and white; TIFF of floats in metres.
+void loadPicture(HeightField& field, std::istream& in) {
+  const std::vector<char> bytes{
+      std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  cv::Mat picture;
+  if (!bytes.empty()) picture = cv::imdecode(bytes, cv::IMREAD_ANYDEPTH | cv::IMREAD_GRAYSCALE);
+  if (picture.empty()) {
+    throw InputError(field.image + ": not a picture of heights; expected PNG, float TIFF or .asc");
+  }
+  field.columns = picture.cols;
+  field.rows = picture.rows;
+  const bool metres = picture.depth() == CV_32F || picture.depth() == CV_64F;
+  const double white = picture.depth() == CV_16U ? 65535.0 : 255.0;
+  cv::Mat values;
+  picture.convertTo(values, CV_32F);
+  for (int row = picture.rows - 1; row >= 0; --row) {
+    for (int column = 0; column < picture.cols; ++column) {
+      const double v = static_cast<double>(values.at<float>(row, column));
+      field.heights_m.push_back(
+          static_cast<float>(metres ? v : field.low_m + v / white * (field.high_m - field.low_m)));
+    }
+  }
+}
+
 }  // namespace
 
 double Terrain::height(const Point2& p_map) const {
@@ -93,45 +117,16 @@ double Terrain::height(const Point2& p_map) const {
   return height_m;
 }
 
-double Terrain::highest() const {
-  double highest_m = 0.0;
-  for (const HeightField& field : fields) {
-    for (const float h : field.heights_m) highest_m = std::max(highest_m, static_cast<double>(h));
-  }
-  for (const Plate& plate : plates) highest_m = std::max(highest_m, plate.height_m);
-  for (const Ramp& ramp : ramps) {
-    highest_m = std::max({highest_m, ramp.start_m, ramp.start_m + ramp.rise_m});
-  }
-  return highest_m;
-}
-
 void loadHeights(HeightField& field) {
   std::ifstream file(field.image, std::ios::binary);
   if (!file) throw InputError(field.image + ": no such file");
   const auto dot = field.image.find_last_of('.');
-  if (dot != std::string::npos && field.image.substr(dot) == ".asc") {
-    loadAscii(field, file);
-    return;
-  }
-  const std::vector<char> bytes{
-      std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-  cv::Mat picture;
-  if (!bytes.empty()) picture = cv::imdecode(bytes, cv::IMREAD_ANYDEPTH | cv::IMREAD_GRAYSCALE);
-  if (picture.empty()) {
-    throw InputError(field.image + ": not a picture of heights; expected PNG, float TIFF or .asc");
-  }
-  field.columns = picture.cols;
-  field.rows = picture.rows;
-  const bool metres = picture.depth() == CV_32F || picture.depth() == CV_64F;
-  const double white = picture.depth() == CV_16U ? 65535.0 : 255.0;
-  cv::Mat values;
-  picture.convertTo(values, CV_32F);
-  for (int row = picture.rows - 1; row >= 0; --row) {
-    for (int column = 0; column < picture.cols; ++column) {
-      const double v = static_cast<double>(values.at<float>(row, column));
-      field.heights_m.push_back(
-          static_cast<float>(metres ? v : field.low_m + v / white * (field.high_m - field.low_m)));
-    }
+  const bool ascii = dot != std::string::npos && field.image.substr(dot) == ".asc";
+  (ascii ? loadAscii : loadPicture)(field, file);
+  if (!std::all_of(field.heights_m.begin(), field.heights_m.end(), [](float h) {
+        return std::isfinite(h);
+      })) {
+    throw InputError(field.image + ": has heights that are not finite; fill its gaps");
   }
 }
 

@@ -106,6 +106,9 @@ void describe(ParamIo& io, Door& door) {
   io.required("name", door.shape.name);
   pointField(io, "from", door.shape.a);
   pointField(io, "to", door.shape.b);
+  if (std::hypot(door.shape.b.x - door.shape.a.x, door.shape.b.y - door.shape.a.y) < 1e-3) {
+    io.problem("to", "must not be where `from` is");
+  }
   io.optional("open", door.open);
   io.optional("height_m", door.height_m, positive());
   io.list("changes", door.changes);
@@ -127,6 +130,12 @@ void describe(ParamIo& io, Mover& mover) {
   io.optional("width_m", mover.width_m, positive());
   io.optional("height_m", mover.height_m, positive());
   pointsField(io, "path", mover.path, 2);
+  const auto elsewhere = [&](const Point2& p) {
+    return std::hypot(p.x - mover.path.front().x, p.y - mover.path.front().y) > 1e-3;
+  };
+  if (mover.path.size() > 1 && std::none_of(mover.path.begin(), mover.path.end(), elsewhere)) {
+    io.problem("path", "must lead somewhere; what stands still is a box or a circle");
+  }
   io.optional("speed_mps", mover.speed_mps, positive());
   io.optional("start_s", mover.start_s, nonNegative());
   io.optional("pause_s", mover.pause_s, nonNegative());
@@ -152,6 +161,8 @@ void describe(ParamIo& io, HeightField& field) {
   io.optional("origin", field.T_map_image);
   io.optional("low_m", field.low_m);
   io.optional("high_m", field.high_m);
+  if (!(field.high_m > field.low_m)) io.problem("high_m", "must be above low_m");
+  field.source = io.here("image");
 }
 
 void describe(ParamIo& io, Ramp& ramp) {
@@ -173,6 +184,7 @@ void describe(ParamIo& io, Plate& plate) {
 void describe(ParamIo& io, MapServerImport& import) {
   io.required("yaml", import.yaml);
   io.optional("T_map_grid", import.T_map_grid);
+  import.source = io.here("yaml");
 }
 
 void describe(ParamIo& io, OccupancyImage& image) {
@@ -182,6 +194,7 @@ void describe(ParamIo& io, OccupancyImage& image) {
   io.optional("occupied_below", image.occupied_below, inside(0.0, 1.0));
   io.optional("negate", image.negate);
   io.optional("height_m", image.height_m, positive());
+  image.source = io.here("image");
 }
 
 void describe(ParamIo& io, Move& move) {
@@ -226,6 +239,7 @@ void describe(ParamIo& io, World& world) {
   io.section("occupancy_image", world.occupancy_image);
   io.section("map_server", world.map_server);
   io.optional("sdf", world.sdf);
+  world.sdf_source = io.here("sdf");
   io.list("buildings", world.buildings);
   io.list("doors", world.doors);
   io.list("movers", world.movers);
@@ -332,6 +346,16 @@ std::string problemsOf(const World& world, const std::string& path) {
               ": is not on a wall: both its ends must lie within 0.3 m of a wall or an outline");
     }
   }
+  const auto name_once = [&](const char* what, const auto& things) {
+    std::set<std::string> taken;
+    for (const auto& thing : things) {
+      if (!taken.insert(thing.shape.name).second) {
+        problem(thing.source, what + thing.shape.name + ": the name is used twice");
+      }
+    }
+  };
+  name_once("building ", world.buildings);
+  name_once("door ", world.doors);
   std::set<std::string> ids;
   for (const Wall& wall : world.walls) ids.insert(wall.id);
   for (const Box& box : world.boxes) ids.insert(box.id);
@@ -385,6 +409,19 @@ void describe(ParamIo& io, MapServerYaml& yaml) {
   io.optional("mode", yaml.mode);
 }
 
+OccupancyImage imageOf(const MapServerImport& import) {
+  const auto yaml = loadParams<MapServerYaml>(import.yaml);
+  OccupancyImage image;
+  image.image = yaml.image;
+  image.resolution_m = yaml.resolution_m;
+  image.T_map_image =
+      compose(import.T_map_grid, Pose2{yaml.origin[0], yaml.origin[1], yaml.origin[2]});
+  image.occupied_below = 1.0 - yaml.occupied_thresh;
+  image.negate = yaml.negate == 1;
+  image.source = import.source;
+  return image;
+}
+
 }  // namespace
 
 World loadWorld(const std::string& path) {
@@ -394,31 +431,37 @@ World loadWorld(const std::string& path) {
       file = (std::filesystem::path(from).parent_path() / file).lexically_normal().string();
     }
   };
+  // What is wrong with a file that the world names is said with the line that names it.
+  const auto named_at = [](const SourceRef& where, const auto& use) {
+    try {
+      use();
+    } catch (const InputError& e) {
+      throw ConfigError(where.text() + ": " + e.what());
+    }
+  };
   if (world.occupancy_image) resolve(world.occupancy_image->image, path);
   if (world.map_server) {
     MapServerImport& import = *world.map_server;
     resolve(import.yaml, path);
-    auto yaml = loadParams<MapServerYaml>(import.yaml);
-    resolve(yaml.image, import.yaml);
-    OccupancyImage image;
-    image.image = yaml.image;
-    image.resolution_m = yaml.resolution_m;
-    image.T_map_image =
-        compose(import.T_map_grid, Pose2{yaml.origin[0], yaml.origin[1], yaml.origin[2]});
-    image.occupied_below = 1.0 - yaml.occupied_thresh;
-    image.negate = yaml.negate == 1;
     if (world.occupancy_image) {
-      throw ConfigError(path + ": map_server: give either this or occupancy_image");
+      throw ConfigError(import.source.text() + ": map_server: give either this or occupancy_image");
     }
-    world.occupancy_image = image;
+    if (!std::filesystem::is_regular_file(import.yaml)) {
+      throw ConfigError(import.source.text() + ": map_server: " + import.yaml + ": no such file");
+    }
+    world.occupancy_image = imageOf(import);
+    resolve(world.occupancy_image->image, import.yaml);
+  }
+  if (world.occupancy_image) {
+    named_at(world.occupancy_image->source, [&] { (void)segmentsOf(world); });
   }
   if (world.sdf) {
     resolve(*world.sdf, path);
-    addSdf(world, *world.sdf);
+    named_at(world.sdf_source, [&] { addSdf(world, *world.sdf); });
   }
   for (HeightField& field : world.terrain.fields) {
     resolve(field.image, path);
-    loadHeights(field);
+    named_at(field.source, [&] { loadHeights(field); });
   }
   const std::string problems = problemsOf(world, path);
   if (!problems.empty()) throw ConfigError(problems);

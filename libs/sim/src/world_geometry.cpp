@@ -6,9 +6,11 @@
 #include <fstream>
 #include <iterator>
 #include <opencv2/imgcodecs.hpp>
+#include <optional>
 
 #include "vestibule/core/angles.hpp"
 #include "vestibule/core/errors.hpp"
+#include "vestibule/sim/ground_rays.hpp"
 #include "vestibule/sim/world.hpp"
 
 namespace vestibule::sim {
@@ -212,7 +214,7 @@ struct WorldGeometry::Dynamics {
   std::vector<Door> doors;  // those that move
   std::vector<Mover> movers;
   Terrain terrain;
-  double highest_ground_m = 0.0;
+  std::optional<GroundRays> ground_rays;  // of `terrain`
   GroundClass ground;
   std::vector<GroundArea> areas;
 };
@@ -255,7 +257,7 @@ WorldGeometry::WorldGeometry(const World& world) {
   }
   dynamics->movers = world.movers;
   dynamics->terrain = world.terrain;
-  dynamics->highest_ground_m = world.terrain.highest();
+  dynamics->ground_rays.emplace(dynamics->terrain);
   dynamics->ground = world.ground;
   dynamics->areas = world.ground_areas;
   for (const Building& building : world.buildings) {
@@ -279,20 +281,23 @@ WorldGeometry::WorldGeometry(std::vector<Segment> segments) : segments_(std::mov
   fillGrid();
 }
 
-WorldGeometry::Line WorldGeometry::lineOf(const Segment& s) const {
+WorldGeometry::Line WorldGeometry::lineOf(const Segment& s) {
+  return {s.a.x, s.a.y, s.b.x - s.a.x, s.b.y - s.a.y, s.z_low_m, s.z_high_m, s.material};
+}
+
+bool WorldGeometry::isInTheWay(const Segment& s) const {
   // Below a robot's belly and above its mast nothing is in its way.
   constexpr double kBelly_m = 0.02;
   constexpr double kMast_m = 1.2;
   const double ground_m = groundHeight({0.5 * (s.a.x + s.b.x), 0.5 * (s.a.y + s.b.y)});
-  const bool in_the_way = s.z_low_m < ground_m + kMast_m && s.z_high_m > ground_m + kBelly_m;
-  return {
-      s.a.x, s.a.y, s.b.x - s.a.x, s.b.y - s.a.y, s.z_low_m, s.z_high_m, s.material, in_the_way};
+  return s.z_low_m < ground_m + kMast_m && s.z_high_m > ground_m + kBelly_m;
 }
 
 void WorldGeometry::fillGrid() {
   for (const Segment& s : segments_) {
     if (std::isfinite(s.z_high_m)) top_m_ = std::max(top_m_, s.z_high_m);
     all_lines_.push_back(lineOf(s));
+    all_lines_.back().in_the_way = isInTheWay(s);
   }
   first_.assign(1, 0);
   if (segments_.empty()) return;
@@ -453,7 +458,8 @@ RayHit WorldGeometry::castRay(
     best.range_m = ground_m;
     best.hit = true;
     best.material = Material::kGround;
-    best.cos_incidence = std::abs(direction_map.z());
+    const Eigen::Vector3d p = p_map_origin + ground_m * direction_map;
+    best.cos_incidence = std::abs(direction_map.dot(groundNormal({p.x(), p.y()})));
   }
   return best;
 }
@@ -465,29 +471,7 @@ double WorldGeometry::groundRange(
     const double range = -origin.z() / direction.z();
     return range >= 0.0 ? std::min(range, max_range_m) : max_range_m;
   }
-  // March until the ray is below the ground, then halve the step. A ray above everything that
-  // does not come down never is.
-  constexpr double kStep_m = 0.1;
-  constexpr int kHalvings = 12;
-  const auto above = [&](double range) {
-    const Eigen::Vector3d p = origin + range * direction;
-    return p.z() - groundHeight({p.x(), p.y()});
-  };
-  for (double range = 0.0; range < max_range_m; range += kStep_m) {
-    const double next = std::min(range + kStep_m, max_range_m);
-    if (direction.z() >= 0.0 && origin.z() + range * direction.z() > dynamics_->highest_ground_m) {
-      return max_range_m;
-    }
-    if (above(next) > 0.0) continue;
-    double low = range;
-    double high = next;
-    for (int i = 0; i < kHalvings; ++i) {
-      const double middle = 0.5 * (low + high);
-      (above(middle) > 0.0 ? low : high) = middle;
-    }
-    return high;
-  }
-  return max_range_m;
+  return dynamics_->ground_rays->range(origin, direction, max_range_m);
 }
 
 SkyPath WorldGeometry::skyPath(
@@ -557,6 +541,16 @@ bool WorldGeometry::flat() const { return !dynamics_ || dynamics_->terrain.flat(
 
 double WorldGeometry::groundHeight(const Point2& p_map) const {
   return flat() ? 0.0 : dynamics_->terrain.height(p_map);
+}
+
+Eigen::Vector3d WorldGeometry::groundNormal(const Point2& p_map) const {
+  if (flat()) return Eigen::Vector3d::UnitZ();
+  constexpr double kReach_m = 0.02;
+  const double along =
+      groundHeight({p_map.x + kReach_m, p_map.y}) - groundHeight({p_map.x - kReach_m, p_map.y});
+  const double across =
+      groundHeight({p_map.x, p_map.y + kReach_m}) - groundHeight({p_map.x, p_map.y - kReach_m});
+  return Eigen::Vector3d(-along, -across, 2.0 * kReach_m).normalized();
 }
 
 const GroundClass& WorldGeometry::groundAt(const Point2& p_map) const {
@@ -635,7 +629,9 @@ double WorldGeometry::footprintClearance(
         c * line.dy - s * line.dx);
   };
   double best = nearest({T_map_base.x, T_map_base.y}, radius, distance_to);
-  for (const Segment& face : moment.faces) best = std::min(best, distance_to(lineOf(face)));
+  for (const Segment& face : moment.faces) {
+    if (isInTheWay(face)) best = std::min(best, distance_to(lineOf(face)));
+  }
   return best;
 }
 

@@ -104,6 +104,22 @@ TEST(Simulator, SensorsDoNotDisturbEachOther) {
   EXPECT_NE(a.lidar, b.lidar);
 }
 
+TEST(Simulator, AFurtherSensorChangesNoOther) {
+  SimParams params;
+  const Record without = record(params, 5);
+  params.compass.enabled = true;
+  params.ring_lidar.enabled = true;
+  params.ring_lidar.azimuths = 90;
+  const Record with = record(params, 5);
+  EXPECT_TRUE(without.compass.empty());
+  EXPECT_FALSE(with.compass.empty());
+  EXPECT_EQ(without.truth, with.truth);
+  EXPECT_EQ(without.wheels, with.wheels);
+  EXPECT_EQ(without.imu, with.imu);
+  EXPECT_EQ(without.gnss, with.gnss);
+  EXPECT_EQ(without.lidar, with.lidar);
+}
+
 TEST(Simulator, DeliversEverySensorAtItsRateInOrder) {
   Simulator simulator(yard(), SimParams{}, {}, 1);
   std::vector<int> counts(std::variant_size_v<Measurement>);

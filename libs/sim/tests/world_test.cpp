@@ -201,11 +201,54 @@ TEST(World, RefusesWhatCannotStand) {
   EXPECT_THAT(
       refusal("circles:\n  - {centre: [0, 0], radius_m: -1}\n"),
       HasSubstr("sim_refused.yaml:4: circles[0].radius_m"));
+  const auto at_line_3 = [](const char* what) {
+    return ::testing::AllOf(HasSubstr("sim_refused.yaml:3: "), HasSubstr(what));
+  };
   EXPECT_THAT(
       refusal("occupancy_image: {image: nowhere.png, resolution_m: 0.05}\n"),
-      HasSubstr("nowhere.png: cannot read"));
+      at_line_3("nowhere.png: cannot read"));
   EXPECT_THAT(
-      refusal("height_field: {image: nowhere.png}\n"), HasSubstr("nowhere.png: no such file"));
+      refusal("height_field: {image: nowhere.png}\n"), at_line_3("nowhere.png: no such file"));
+  EXPECT_THAT(
+      refusal("map_server: {yaml: nowhere.yaml}\n"), at_line_3("nowhere.yaml: no such file"));
+  EXPECT_THAT(refusal("sdf: nowhere.world\n"), at_line_3("nowhere.world: no such file"));
+  std::ofstream(::testing::TempDir() + "sim_bad.world") << "<sdf><nonsense></sdf>";
+  EXPECT_THAT(refusal("sdf: sim_bad.world\n"), at_line_3("sim_bad.world: not a Gazebo world"));
+  std::ofstream(::testing::TempDir() + "sim_bad_map.yaml")
+      << "image: nowhere.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n";
+  EXPECT_THAT(
+      refusal("map_server: {yaml: sim_bad_map.yaml}\n"), at_line_3("nowhere.pgm: cannot read"));
+  EXPECT_THAT(
+      refusal("walls:\n  - {points: [[0, 0], [1, 0]], material: paper}\n"),
+      HasSubstr("sim_refused.yaml:4: walls[0].material"));
+  EXPECT_THAT(
+      refusal("walls:\n  - {points: [[0, 0], [1, 0]], height_m: -2}\n"),
+      HasSubstr("sim_refused.yaml:4: walls[0].height_m"));
+  EXPECT_THAT(
+      refusal("movers:\n  - {path: [[1, 1], [1, 1]]}\n"),
+      HasSubstr("sim_refused.yaml:4: movers[0].path: must lead somewhere"));
+  EXPECT_THAT(
+      refusal("movers:\n  - {path: [[1, 1], [2, 1]], speed_mps: 0}\n"),
+      HasSubstr("sim_refused.yaml:4: movers[0].speed_mps"));
+  EXPECT_THAT(
+      refusal("ground: {roughness_m: 3}\n"), HasSubstr("sim_refused.yaml:3: ground.roughness_m"));
+  EXPECT_THAT(
+      refusal("ground_areas:\n  - {outline: [[0, 0], [1, 0]]}\n"),
+      HasSubstr("sim_refused.yaml:4: ground_areas[0].outline: needs at least 3 points"));
+  EXPECT_THAT(
+      refusal("ramps:\n  - {from: [0, 0], to: [0, 0], rise_m: 1}\n"),
+      HasSubstr("sim_refused.yaml:4: ramps[0].to: must not be where"));
+  EXPECT_THAT(
+      refusal("plates:\n  - {outline: [[0, 0], [1, 0], [1, 1]]}\n"),
+      HasSubstr("sim_refused.yaml:4: plates[0].height_m"));
+  EXPECT_THAT(
+      refusal(house + "doors:\n  - {name: d, from: [3, 0], to: [3, 0]}\n"),
+      HasSubstr("sim_refused.yaml:6: doors[0].to: must not be where"));
+  EXPECT_THAT(
+      refusal(
+          house + "doors:\n  - {name: d, from: [3, 0], to: [4, 0]}\n"
+                  "  - {name: d, from: [5, 0], to: [6, 0]}\n"),
+      HasSubstr("sim_refused.yaml:7: door d: the name is used twice"));
   EXPECT_THAT(
       refusal(
           house +

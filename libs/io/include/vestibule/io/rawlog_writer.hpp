@@ -7,6 +7,9 @@
 
 namespace vestibule::io {
 
+/// Sensor label of a simulated measurement in a recording.
+[[nodiscard]] const char* labelOf(const Measurement& measurement);
+
 /// Writes measurements as an MRPT rawlog (observations format, gz) that MRPT's tools and
 /// openRecording() read back: odometry as CObservationOdometry (increments integrated to an
 /// absolute pose), scans as CObservation2DRangeScan, IMU and headings as CObservationIMU, fixes as

@@ -40,6 +40,9 @@ struct GnssParams {
   double nlos_bias_m = 15.0;   ///< mean detour of a reflection; a fixed function of place
   double nlos_length_m = 8.0;  ///< over which that detour changes
   bool raim = true;            ///< leaves out up to two ranges that do not fit
+  /// Over which the receiver's own filter evens out what changes in its code fixes (it knows its
+  /// velocity, so it does not lag): noise shrinks, and a new reflection is followed gradually.
+  double smoothing_s = 3.0;
 
   // carrier phase
   double float_sigma_m = 0.25;    ///< slow; the white part is 0.1 m
@@ -55,7 +58,8 @@ struct GnssTruth {
   Eigen::Vector3d error_enu_m = Eigen::Vector3d::Zero();
   int in_view = 0;    ///< used satellites in view
   int reflected = 0;  ///< used satellites out of view
-  /// What white and slow range errors make of the position with this fix's satellites and weights.
+  /// What white and slow range errors make of the position with this fix's satellites and weights,
+  /// before the receiver's own filter.
   Eigen::Matrix3d white_cov_enu = Eigen::Matrix3d::Zero();
   Eigen::Matrix3d slow_cov_enu = Eigen::Matrix3d::Zero();
 };
@@ -97,6 +101,7 @@ class GnssModel {
       Timestamp stamp, const Moment& moment, const Eigen::Vector3d& p_map_antenna);
   [[nodiscard]] GnssFixType typeNow(Timestamp stamp, int in_view, int used, bool corrections);
   void ageErrors();
+  [[nodiscard]] Eigen::Vector3d smoothed(Timestamp stamp, const Eigen::Vector3d& code_error_m);
 
   const WorldGeometry& geometry_;
   geo::TangentPlane plane_;
@@ -121,6 +126,8 @@ class GnssModel {
   Eigen::Vector3d offset_m_ = Eigen::Vector3d::Zero();
   bool blocked_ = false;
   Geodetic last_position_;
+  std::optional<Timestamp> smoothed_at_;
+  Eigen::Vector3d smoothed_m_ = Eigen::Vector3d::Zero();
   GnssTruth truth_;
 };
 

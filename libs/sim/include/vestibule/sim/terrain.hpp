@@ -19,6 +19,7 @@ struct HeightField {
   int columns = 0;
   int rows = 0;
   std::vector<float> heights_m;
+  SourceRef source;  ///< in the world file
 };
 
 /// A straight slope; `from` and `to` are the middles of its lower and upper edge.
@@ -44,9 +45,8 @@ struct Terrain {
 
   [[nodiscard]] bool flat() const { return fields.empty() && plates.empty() && ramps.empty(); }
   [[nodiscard]] double height(const Point2& p_map) const;
-  [[nodiscard]] double highest() const;
 };
-/// Reads the heights of `field.image`. Throws InputError.
+/// Reads the heights of `field.image`; all of them are finite. Throws InputError.
 void loadHeights(HeightField& field);
 
 }  // namespace vestibule::sim

@@ -96,6 +96,7 @@ struct GroundArea {
 struct MapServerImport {
   std::string yaml;  ///< relative paths start at the world file
   Pose2 T_map_grid;  ///< pose of that map's own frame
+  SourceRef source;
 };
 
 /// True walls given as a picture: the edges of its dark cells.
@@ -106,6 +107,7 @@ struct OccupancyImage {
   double occupied_below = 0.5;  ///< [0, 1] a pixel darker than this share of white is a wall
   bool negate = false;          ///< light pixels are walls
   double height_m = 2.5;
+  SourceRef source;
 };
 
 struct Move {
@@ -145,6 +147,7 @@ struct World {
   std::optional<OccupancyImage> occupancy_image;
   std::optional<MapServerImport> map_server;
   std::optional<std::string> sdf;  ///< a Gazebo world: its boxes and cylinders
+  SourceRef sdf_source;
   std::vector<Mover> movers;
   GroundClass ground;                    ///< where no area says otherwise
   std::vector<GroundArea> ground_areas;  ///< a later one covers an earlier one

@@ -103,6 +103,7 @@ class WorldGeometry {
 
   /// Height of the ground [m].
   [[nodiscard]] double groundHeight(const Point2& p_map) const;
+  [[nodiscard]] Eigen::Vector3d groundNormal(const Point2& p_map) const;  ///< unit length, upwards
   [[nodiscard]] bool flat() const;  ///< whether the ground is at 0 everywhere
   [[nodiscard]] const GroundClass& groundAt(const Point2& p_map) const;
   /// Signed distance to the nearest roof [m]; negative = under it. Large without any.
@@ -130,11 +131,12 @@ class WorldGeometry {
     double ax, ay, dx, dy;  // from a, along d to b
     double z_low, z_high;
     Material material;
-    bool in_the_way;  // of the robot
+    bool in_the_way = true;  // of the robot
   };
   struct Dynamics;
   void fillGrid();
-  [[nodiscard]] Line lineOf(const Segment& segment) const;
+  [[nodiscard]] static Line lineOf(const Segment& segment);
+  [[nodiscard]] bool isInTheWay(const Segment& segment) const;
   template <class Visit>
   void walk(double ox, double oy, double dx, double dy, const double& limit_m, Visit visit) const;
   template <class DistanceTo>
