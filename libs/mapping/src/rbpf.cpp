@@ -274,6 +274,20 @@ struct Rbpf::Impl {
     return report;
   }
 
+  void announce(Timestamp stamp, const MapReport& report) const {
+    if (observers == nullptr) return;
+    std::vector<Pose2> poses;
+    std::vector<double> log_weights;
+    for (const auto& particle : filter.m_particles) {
+      poses.push_back(particle.d->T_map_base);
+      log_weights.push_back(particle.log_w);
+    }
+    std::vector<double> weights;
+    mrpt::bayes::CParticleFilterCapable::log2linearWeights(log_weights, weights);
+    observers->emit(
+        ParticlesEvent{stamp, poses, weights, report.effective_particles, report.known_share});
+  }
+
   void record(const MapReport& report) {
     Generation g;
     g.scan = scans - 1;
@@ -352,6 +366,7 @@ struct Rbpf::Impl {
     report.effective_particles = params.particles;
     report.known_share = 1.0;
     record(report);
+    announce(scan.stamp, report);
     restartMotion(scan, T_odom_base);
     return report;
   }
@@ -389,6 +404,7 @@ struct Rbpf::Impl {
       repeat(recorded[generations.size()], scan);
       restartMotion(scan, T_odom_base);
       MapReport report = generations.back().report;
+      announce(scan.stamp, report);
       report.repeated = true;
       return report;
     }
@@ -410,6 +426,7 @@ struct Rbpf::Impl {
     report.resampled = stats.ESS_beforeResample < params.resample_below;
     filter.sampleAndIntegrate(seed, update);
     record(report);
+    announce(scan.stamp, report);
     restartMotion(scan, T_odom_base);
     return report;
   }

@@ -124,7 +124,7 @@ TEST(ScanMatcher, FitTellsWallsFromFreeSpaceAndTheUnknown) {
   EXPECT_LT(off.log_likelihood, right.log_likelihood - 10.0);
   EXPECT_EQ(outside.matched_share, 0.0);
   EXPECT_EQ(outside.known_share, 0.0);
-  EXPECT_NEAR(outside.log_likelihood, 20.0 * std::log(0.25), 1e-6);
+  EXPECT_NEAR(outside.log_likelihood, MatcherParams{}.effective_beams * std::log(MatcherParams{}.z_unknown), 1e-6);
 }
 
 TEST(ScanPoints, WallsHaveNormalsAndAPoleHasNone) {

@@ -15,11 +15,11 @@ struct FilterMapParams {
 
 /// Odometry noise, one sigma per motion between two updates.
 struct OdometryNoise {
-  double trans_per_trans = 0.10;       ///< [m/m]
+  double trans_per_trans = 0.20;       ///< [m/m]
   double trans_per_rot = 0.05;         ///< [m/rad]
   double rot_per_trans = 0.08;         ///< [rad/m]
   double rot_per_rot = 0.15;           ///< [rad/rad]
-  double min_trans_m = 0.01;           ///< [m] added at every update
+  double min_trans_m = 0.015;          ///< [m] added at every update
   double min_rot_rad = degToRad(0.5);  ///< [rad] added at every update
 };
 
@@ -31,7 +31,7 @@ struct MatcherParams {
   double sigma_m = 0.03;          ///< [m] spread of end points about the map's walls
   double z_rand = 0.05;           ///< likelihood of an end point in free space, of a perfect one
   double z_unknown = 0.25;        ///< likelihood of an end point in the unknown
-  double effective_beams = 20.0;  ///< neighbouring beams say the same: counted as so many
+  double effective_beams = 40.0;  ///< neighbouring beams say the same: counted as so many
   int iterations = 8;             ///< of Gauss-Newton, at most
   double window_m = 0.30;         ///< [m] half side of the search around odometry
   double window_rad = degToRad(15.0);
@@ -49,7 +49,7 @@ struct FilterParams {
   double update_max_s = 1.0;
   double resample_below = 0.5;           ///< share of particles that must stay effective
   /// of the scan's likelihood in the weights; smaller: fewer resamplings, more hypotheses kept
-  double weight_power = 0.5;
+  double weight_power = 0.25;
   double proposal_spread = 1.0;          ///< of the samples, times the proposal's sigma
   int threads = 0;                       ///< 0 = one per core; the result does not depend on it
   FilterMapParams map;
