@@ -94,8 +94,8 @@ void drawPanel(cv::Mat canvas, const Panel& panel) {
     text(canvas, label, {x - 8, floor_px + 18}, 0.4, kInk);
   }
   text(canvas, panel.title, {kLeft, 24}, 0.55, kInk);
-  text(canvas, quantilesOf(panel.real), {kLeft, 46}, 0.42, kReal);
-  text(canvas, quantilesOf(panel.simulated), {kLeft, 66}, 0.42, kSimulated);
+  text(canvas, quantilesOf(panel.real), {kLeft, 46}, 0.38, kReal);
+  text(canvas, quantilesOf(panel.simulated), {kLeft, 66}, 0.38, kSimulated);
   text(canvas, panel.unit, {kLeft + 150, kHeight - 10}, 0.42, kInk);
 }
 

@@ -42,7 +42,7 @@ struct GnssParams {
   bool raim = true;            ///< leaves out up to two ranges that do not fit
   /// Over which the receiver's own filter evens out what changes in its code fixes (it knows its
   /// velocity, so it does not lag): noise shrinks, and a new reflection is followed gradually.
-  double smoothing_s = 3.0;
+  double smoothing_s = 8.0;
 
   // carrier phase
   double float_sigma_m = 0.25;    ///< slow; the white part is 0.1 m
