@@ -35,7 +35,9 @@ constexpr double kSearchMargin_rad = degToRad(2.0);
 // all of the scan fits there, and much better than near the odometry.
 constexpr double kWideMatchedShare = 0.6;
 constexpr double kWideKnownShare = 0.85;
-constexpr double kWideGain = 5.0;  // of the log-likelihood
+constexpr double kWideGain = 0.25;  // of the log-likelihood per beam
+// The same for a match that the odometry excludes.
+constexpr double kSlipGain = 0.2;
 constexpr double kLongGap_s = 0.5;
 
 struct Particle {
@@ -250,26 +252,42 @@ struct Rbpf::Impl {
       const Try wide = attempt(m.wide_window_m, m.wide_window_rad);
       if (wide.fit.matched_share >= kWideMatchedShare &&
           wide.fit.known_share >= kWideKnownShare &&
-          wide.fit.log_likelihood > match.fit.log_likelihood + kWideGain) {
+          wide.fit.log_likelihood > match.fit.log_likelihood + kWideGain * m.effective_beams) {
         match = wide;
       }
     }
-    MapReport report;
-    report.known_share = match.fit.known_share;
-    step.T_previous_guess = between(p.T_map_base, match.T);
     // Directions in which the scan says nothing follow the odometry, so only a seen contradiction
-    // counts.
-    const Eigen::Vector3d d(
-        match.T.x - prior.mean.x, match.T.y - prior.mean.y, angleDiff(match.T.phi, prior.mean.phi));
-    const double chi2 = d.dot(prior.information * d);
-    if (chi2 > kSlipChi2 && match.fit.known_share >= m.poor_share) {
-      covariance *= chi2 / kSlipLeft;
-      report.slipped = true;
-      if (observers != nullptr) {
-        observers->emit(WarningEvent{
-            scan.stamp, "mapping", "scan contradicts odometry", std::hypot(d.x(), d.y()), 0.0});
+    // counts, and only one that pays: people and open doors can make any place fit a little better.
+    const auto againstOdometry = [&](const Pose2& T) {
+      const Eigen::Vector3d d(
+          T.x - prior.mean.x, T.y - prior.mean.y, angleDiff(T.phi, prior.mean.phi));
+      return d.dot(prior.information * d);
+    };
+    MapReport report;
+    const double chi2 = againstOdometry(match.T);
+    if (chi2 > kSlipChi2) {
+      Try stay;
+      stay.T = matcher.refine(p.map, step.points, prior.mean, prior).T_map_base;
+      stay.fit = matcher.fit(p.map, step.points, stay.T);
+      report.slipped = match.fit.known_share >= m.poor_share &&
+                       match.fit.log_likelihood >
+                           stay.fit.log_likelihood + kSlipGain * m.effective_beams;
+      if (report.slipped) {
+        covariance *= chi2 / kSlipLeft;
+        if (observers != nullptr) {
+          observers->emit(WarningEvent{
+              scan.stamp,
+              "mapping",
+              "scan contradicts odometry",
+              distance(match.T, prior.mean),
+              0.0});
+        }
+      } else {
+        match = stay;
       }
     }
+    report.known_share = match.fit.known_share;
+    step.T_previous_guess = between(p.T_map_base, match.T);
     step.odometry_information = covariance.inverse();
     return report;
   }

@@ -214,7 +214,7 @@ constexpr double kMinAngleStep_rad = degToRad(0.25);
 constexpr double kMaxAngleStep_rad = degToRad(2.0);
 constexpr std::size_t kSearchBeams = 90;
 constexpr int kStampReach = 4;  // [cells] at least what a blurred cell reaches
-constexpr double kPriorBound = 5.0;    // log-likelihood that the prior can cost, at most
+constexpr double kPriorBound = 0.25;   // log-likelihood per beam that the prior can cost, at most
 
 struct Candidate {
   double bound;
@@ -365,7 +365,7 @@ Pose2 ScanMatcher::search(
     const Eigen::Vector3d d(dx * res, dy * res, (rotation - turns) * angle_step);
     const double chi2 =
         level == 0 ? d.dot(prior.information * d) : d.z() * d.z() * yaw_information;
-    return std::min(kPriorBound, 0.5 * chi2);
+    return std::min(kPriorBound * params_.effective_beams, 0.5 * chi2);
   };
 
   std::vector<Candidate> open;

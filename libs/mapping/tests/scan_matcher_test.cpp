@@ -139,7 +139,9 @@ TEST(ScanPoints, WallsHaveNormalsAndAPoleHasNone) {
       pole = true;
       EXPECT_FALSE(p.on_line);
     }
-    if (p.on_line) EXPECT_NEAR(std::hypot(p.nx, p.ny), 1.0, 1e-9);
+    if (p.on_line) {
+      EXPECT_NEAR(std::hypot(p.nx, p.ny), 1.0, 1e-9);
+    }
   }
   EXPECT_TRUE(pole);
   EXPECT_GT(on_line, points.points.size() * 8 / 10);
