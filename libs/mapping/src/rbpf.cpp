@@ -29,15 +29,14 @@ using mrpt::bayes::CParticleFilter;
 constexpr double kSlipChi2 = 25.0;      // odometry this far from the scan has slipped
 constexpr double kSlipLeft = 4.0;       // squared distance left to it then
 constexpr double kSearchSigmas = 3.0;   // of odometry, half side of the search
-constexpr double kSearchMargin_m = 0.08;
 constexpr double kSearchMargin_rad = degToRad(2.0);
 // A wider search finds something that fits by chance in most maps: it is believed only if nearly
 // all of the scan fits there, and much better than near the odometry.
 constexpr double kWideMatchedShare = 0.6;
 constexpr double kWideKnownShare = 0.85;
 constexpr double kWideGain = 0.25;  // of the log-likelihood per beam
-// The same for a match that the odometry excludes.
-constexpr double kSlipGain = 0.2;
+// The same for a match that the odometry excludes; closing a loop is one, and gains little at first.
+constexpr double kSlipGain = 0.03;
 constexpr double kLongGap_s = 0.5;
 
 struct Particle {
@@ -240,14 +239,14 @@ struct Rbpf::Impl {
       t.fit = matcher.fit(p.map, step.points, t.T);
       return t;
     };
-    const double sigma_m = std::sqrt(covariance(0, 0));
     const double sigma_rad = std::sqrt(covariance(2, 2));
     const bool long_gap = gap_s > kLongGap_s;
-    Try match = long_gap ? attempt(m.window_m, m.window_rad)
-                         : attempt(
-                               std::min(m.window_m, kSearchSigmas * sigma_m + kSearchMargin_m),
-                               std::min(
-                                   m.window_rad, kSearchSigmas * sigma_rad + kSearchMargin_rad));
+    // In translation the window is for what the path has drifted when it comes back to a place,
+    // not only for the odometry since the last update.
+    Try match = attempt(
+        m.window_m,
+        long_gap ? m.window_rad
+                 : std::min(m.window_rad, kSearchSigmas * sigma_rad + kSearchMargin_rad));
     if (match.fit.known_share < m.poor_share) {
       const Try wide = attempt(m.wide_window_m, m.wide_window_rad);
       if (wide.fit.matched_share >= kWideMatchedShare &&

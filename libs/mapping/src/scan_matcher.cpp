@@ -18,15 +18,15 @@ constexpr double kConverged_m = 4e-4;
 constexpr double kConverged_rad = 4e-5;
 
 /// Weighted mean of the mean points around a position, in cells.
-struct Surface {
+struct MeanPoint {
   bool found = false;
   double x = 0.0;
   double y = 0.0;
 };
 
-class SurfaceSum {
+class MeanPointSum {
  public:
-  SurfaceSum(double x, double y) : x_(x), y_(y) {}
+  MeanPointSum(double x, double y) : x_(x), y_(y) {}
 
   void add(const PointCell& cell, int ix, int iy) {
     constexpr double kUnit = 1.0 / 65536.0;
@@ -40,7 +40,7 @@ class SurfaceSum {
     sum_x_ += w * mx;
     sum_y_ += w * my;
   }
-  [[nodiscard]] Surface surface() const {
+  [[nodiscard]] MeanPoint mean() const {
     if (sum_ <= 0.0) return {};
     return {true, sum_x_ / sum_, sum_y_ / sum_};
   }
@@ -51,12 +51,12 @@ class SurfaceSum {
 };
 
 /// Occupied mean points in the 3 x 3 cells around (x, y), both in cells.
-Surface surfaceNear(const PatchMap& map, double x, double y) {
+MeanPoint meanPointNear(const PatchMap& map, double x, double y) {
   const int ix = static_cast<int>(std::floor(x));
   const int iy = static_cast<int>(std::floor(y));
   constexpr int kMask = Patch::kSide - 1;
   const int lx = ix & kMask;
-  SurfaceSum sum(x, y);
+  MeanPointSum sum(x, y);
   if (lx >= 1 && lx < kMask) {
     const Patch* patch = nullptr;
     for (int row = iy - 1; row <= iy + 1; ++row) {
@@ -74,7 +74,7 @@ Surface surfaceNear(const PatchMap& map, double x, double y) {
         if ((bits >> static_cast<unsigned>(k) & 1U) != 0) sum.add(cells[k], ix - 1 + k, row);
       }
     }
-    return sum.surface();
+    return sum.mean();
   }
   for (int row = iy - 1; row <= iy + 1; ++row) {
     for (int col = ix - 1; col <= ix + 1; ++col) {
@@ -82,12 +82,17 @@ Surface surfaceNear(const PatchMap& map, double x, double y) {
       if (map.occupied(cell)) sum.add(cell, col, row);
     }
   }
-  return sum.surface();
+  return sum.mean();
 }
 
-/// Residual across the surface, or the distance where there is none [m].
+/// Residual across a wall, distance from a spot [m]; none where the surface is unclear.
 double residual(const ScanPoint& p, double nx, double ny, double dx, double dy) {
-  return p.on_line ? nx * dx + ny * dy : std::hypot(dx, dy);
+  switch (p.surface) {
+    case Surface::kWall: return nx * dx + ny * dy;
+    case Surface::kSpot: return std::hypot(dx, dy);
+    case Surface::kUnclear: break;
+  }
+  return 0.0;
 }
 
 double tempering(const MatcherParams& params, std::size_t beams) {
@@ -111,10 +116,10 @@ ScanFit ScanMatcher::fit(
   for (const ScanPoint& p : scan.points) {
     const double x = (T_map_base.x + c * p.x - s * p.y) * scale;
     const double y = (T_map_base.y + s * p.x + c * p.y) * scale;
-    const Surface surface = surfaceNear(map, x, y);
-    if (surface.found) {
+    const MeanPoint near = meanPointNear(map, x, y);
+    if (near.found) {
       const double r = residual(
-          p, c * p.nx - s * p.ny, s * p.nx + c * p.ny, (x - surface.x) * res, (y - surface.y) * res);
+          p, c * p.nx - s * p.ny, s * p.nx + c * p.ny, (x - near.x) * res, (y - near.y) * res);
       sum += std::log((1.0 - params_.z_rand) * std::exp(-k * r * r) + params_.z_rand);
       ++matched;
       ++known;
@@ -168,15 +173,16 @@ Refinement ScanMatcher::refine(
       gt += w * jt * r;
     };
     for (const ScanPoint& p : scan.points) {
+      if (p.surface == Surface::kUnclear) continue;
       const double rx = c * p.x - s * p.y;
       const double ry = s * p.x + c * p.y;
       const double x = (T.x + rx) * scale;
       const double y = (T.y + ry) * scale;
-      const Surface surface = surfaceNear(map, x, y);
-      if (!surface.found) continue;
-      const double dx = (x - surface.x) * res;
-      const double dy = (y - surface.y) * res;
-      if (p.on_line) {
+      const MeanPoint near = meanPointNear(map, x, y);
+      if (!near.found) continue;
+      const double dx = (x - near.x) * res;
+      const double dy = (y - near.y) * res;
+      if (p.surface == Surface::kWall) {
         const double nx = c * p.nx - s * p.ny;
         const double ny = s * p.nx + c * p.ny;
         const double r = nx * dx + ny * dy;
@@ -214,7 +220,7 @@ constexpr double kMinAngleStep_rad = degToRad(0.25);
 constexpr double kMaxAngleStep_rad = degToRad(2.0);
 constexpr std::size_t kSearchBeams = 90;
 constexpr int kStampReach = 4;  // [cells] at least what a blurred cell reaches
-constexpr double kPriorBound = 0.25;   // log-likelihood per beam that the prior can cost, at most
+constexpr double kPriorBound = 0.125;  // log-likelihood per beam that the prior can cost, at most
 
 struct Candidate {
   double bound;

@@ -13,30 +13,18 @@ constexpr double kRadiusInSpacings = 3.5;    // the same where beams are far apa
 constexpr double kMaxRadius_m = 0.60;
 constexpr double kMaxThickness_m = 0.03;     // one sigma across a line
 constexpr double kMinElongation = 3.0;       // of sigma along to sigma across
+constexpr double kAlone_m = 0.5;             // in front of its neighbours, a thing of its own
 
-/// Fits a line to the end points around number i and writes its normal.
-void fitLine(
-    const std::vector<Point2>& ends, std::size_t i, double spacing_m, ScanPoint& point) {
-  const double radius =
-      std::clamp(kRadiusInSpacings * spacing_m, kMinRadius_m, kMaxRadius_m);
-  const auto near = [&](std::size_t j) {
-    return std::hypot(ends[j].x - ends[i].x, ends[j].y - ends[i].y) <= radius;
-  };
-  std::size_t first = i;
-  std::size_t last = i;
-  while (first > 0 && near(first - 1)) --first;
-  while (last + 1 < ends.size() && near(last + 1)) ++last;
-  const std::size_t n = last - first + 1;
-  if (n < kMinNeighbours) return;
+/// Makes the point one of a wall if the end points first..last lie on a line.
+bool onLine(
+    const std::vector<Point2>& ends, std::size_t first, std::size_t last, ScanPoint& point) {
   double mx = 0.0;
   double my = 0.0;
+  const auto count = static_cast<double>(last - first + 1);
   for (std::size_t j = first; j <= last; ++j) {
-    mx += ends[j].x;
-    my += ends[j].y;
+    mx += ends[j].x / count;
+    my += ends[j].y / count;
   }
-  const auto count = static_cast<double>(n);
-  mx /= count;
-  my /= count;
   double xx = 0.0;
   double xy = 0.0;
   double yy = 0.0;
@@ -51,11 +39,38 @@ void fitLine(
   const double half = std::hypot(0.5 * (xx - yy), xy);
   const double across = std::sqrt(std::max(mean - half, 0.0) / count);
   const double along = std::sqrt((mean + half) / count);
-  if (across > kMaxThickness_m || along < kMinElongation * across) return;
+  if (across > kMaxThickness_m || along < kMinElongation * across) return false;
   const double angle = 0.5 * std::atan2(2.0 * xy, xx - yy) + kPi / 2.0;
   point.nx = std::cos(angle);
   point.ny = std::sin(angle);
-  point.on_line = true;
+  point.surface = Surface::kWall;
+  return true;
+}
+
+/// Says what end point number i lies on, from those around it.
+void classify(
+    const std::vector<Point2>& ends, std::size_t i, double spacing_m, ScanPoint& point) {
+  const double radius = std::clamp(kRadiusInSpacings * spacing_m, kMinRadius_m, kMaxRadius_m);
+  const auto gap = [&](std::size_t j) {
+    return std::hypot(ends[j].x - ends[i].x, ends[j].y - ends[i].y);
+  };
+  std::size_t first = i;
+  std::size_t last = i;
+  while (first > 0 && gap(first - 1) <= radius) --first;
+  while (last + 1 < ends.size() && gap(last + 1) <= radius) ++last;
+  if (last - first + 1 >= kMinNeighbours) {
+    if (!onLine(ends, first, last, point)) point.surface = Surface::kSpot;
+    return;
+  }
+  // Beams that graze a wall far away end far apart, but on a line. What stands alone before or
+  // behind its neighbours is a thing of its own; anything else says nothing about the way along.
+  if (i >= 2 && i + 2 < ends.size() && onLine(ends, i - 2, i + 2, point)) return;
+  const auto range = [&](std::size_t j) { return std::hypot(ends[j].x, ends[j].y); };
+  const bool before = first == 0 || std::abs(range(first - 1) - range(i)) > kAlone_m;
+  const bool after = last + 1 == ends.size() || std::abs(range(last + 1) - range(i)) > kAlone_m;
+  const bool nearer = (first == 0 || range(first - 1) > range(i)) &&
+                      (last + 1 == ends.size() || range(last + 1) > range(i));
+  if (before && after && nearer) point.surface = Surface::kSpot;
 }
 
 }  // namespace
@@ -89,7 +104,7 @@ ScanPoints matchPoints(const LaserScan& scan, const MatcherParams& params) {
     ScanPoint point;
     point.x = ends[i].x;
     point.y = ends[i].y;
-    fitLine(ends, i, ranges[i] * std::abs(scan.angle_step_rad), point);
+    classify(ends, i, ranges[i] * std::abs(scan.angle_step_rad), point);
     result.points.push_back(point);
     reach.push_back(std::hypot(point.x, point.y));
   }

@@ -108,7 +108,6 @@ TEST(MapQuality, AMapOfWrongPosesScoresWorse) {
   EXPECT_EQ(good.held_out_scans, 40U);
   EXPECT_GT(good.held_out_log_likelihood, bad.held_out_log_likelihood + 0.05);
   EXPECT_LT(good.entropy_bit, bad.entropy_bit);
-  EXPECT_LT(good.wall_thickness_m, bad.wall_thickness_m);
   EXPECT_GT(good.held_out_matched_share, 0.95);
 }
 

@@ -33,7 +33,9 @@ struct MatcherParams {
   double z_unknown = 0.25;        ///< likelihood of an end point in the unknown
   double effective_beams = 40.0;  ///< neighbouring beams say the same: counted as so many
   int iterations = 8;             ///< of Gauss-Newton, at most
-  double window_m = 0.30;         ///< [m] half side of the search around odometry
+  /// [m] half side of the search: for the odometry, and for what a path has drifted when it comes
+  /// back to a place
+  double window_m = 0.50;
   double window_rad = degToRad(15.0);
   double wide_window_m = 1.2;     ///< [m] the same when the match is poor or time has passed
   double wide_window_rad = degToRad(25.0);
