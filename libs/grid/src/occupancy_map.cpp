@@ -65,8 +65,24 @@ Cell OccupancyMap::cell(int ix, int iy) const {
   return freeness > kFreeAbove ? Cell::kFree : Cell::kUnknown;
 }
 
+bool OccupancyMap::markFree(int iy, std::uint8_t* row) const {
+  using Grid = mrpt::maps::COccupancyGridMap2D;
+  const Grid::cellType* cells = grid_->getRow(iy);
+  const Grid::cellType limit = Grid::p2l(kOccupiedBelow);
+  bool any = false;
+  for (int ix = 0; ix < width_; ++ix) {
+    const bool occupied = cells[ix] < limit;
+    row[ix] = occupied ? 0 : 1;
+    any = any || occupied;
+  }
+  return any;
+}
+
 Cell OccupancyMap::at(const Point2& p_map) const {
-  const Point2 p = transform(inverse(T_map_grid_), p_map);
+  return atGrid(transform(inverse(T_map_grid_), p_map));
+}
+
+Cell OccupancyMap::atGrid(const Point2& p) const {
   const double fx = std::floor((p.x - p_grid_corner_.x) / resolution_m_);
   const double fy = std::floor((p.y - p_grid_corner_.y) / resolution_m_);
   if (!(fx >= 0.0 && fy >= 0.0 && fx < width_ && fy < height_)) return Cell::kUnknown;

@@ -48,6 +48,7 @@ void describe(ParamIo& io, KnownPosesParams& params) {
   io.optional("resolution_m", params.resolution_m, Bounds{0.005, 1.0});
   io.optional("max_range_m", params.max_range_m, positive());
   io.optional("p_hit", params.p_hit, inside(0.5, 1.0));
+  io.optional("p_pass", params.p_pass, inside(0.5, 1.0));
   io.optional("margin_m", params.margin_m, nonNegative());
 }
 
@@ -62,6 +63,7 @@ KnownPosesMapper::KnownPosesMapper(const KnownPosesParams& params)
   auto& options = impl_->grid.insertionOptions;
   options.maxDistanceInsertion = static_cast<float>(params_.max_range_m);
   options.maxOccupancyUpdateCertainty = static_cast<float>(params_.p_hit);
+  options.maxFreenessUpdateCertainty = static_cast<float>(params_.p_pass);
   options.considerInvalidRangesAsFreeSpace = false;
   // Widened beams would erase thin obstacles beside them.
   options.wideningBeamsWithDistance = false;

@@ -5,14 +5,26 @@
 
 namespace vestibule::amcl {
 
-/// Odometry noise as standard deviations per motion (Gaussian motion model of MRPT).
+/// How the wheels move the robot, and so how odometry errs.
+enum class MotionModel {
+  kDifferential,  ///< two wheels: errors along the way and in the turn
+  kOmni,          ///< moves sideways on purpose: errs along and across alike
+  kSkidSteer      ///< slips sideways when it turns, about a centre that may lie off its axis
+};
+
+/// Odometry noise as standard deviations per motion.
 struct MotionNoise {
-  double trans_per_trans = 0.15;       ///< [m/m]
-  double trans_per_rot = 0.10;         ///< [m/rad]
-  double rot_per_trans = 0.08;         ///< [rad/m]
-  double rot_per_rot = 0.25;           ///< [rad/rad]
-  double min_trans_m = 0.008;          ///< [m] added at every update
-  double min_rot_rad = degToRad(0.3);  ///< [rad] added at every update
+  MotionModel model = MotionModel::kDifferential;
+  double trans_per_trans = 0.15;       ///< [m/m] along the way
+  double trans_per_rot = 0.05;         ///< [m/rad]
+  double rot_per_trans = 0.08;         ///< [rad/m] of the wheels' yaw
+  double rot_per_rot = 0.20;           ///< [rad/rad] of the wheels' yaw
+  double gyro_rot_per_rot = 0.03;      ///< [rad/rad] where a gyro measures the turn
+  double lateral_per_trans = 0.10;     ///< [m/m] across the way
+  double lateral_per_rot = 0.10;       ///< [m/rad] skid-steer only
+  double icr_x_m = 0.0;                ///< skid-steer only: v_y = -omega * icr_x
+  double min_trans_m = 0.005;          ///< [m] added at every update
+  double min_rot_rad = degToRad(0.2);  ///< [rad] added at every update
 };
 
 /// Beam end points against the distance to the nearest mapped obstacle
@@ -25,8 +37,39 @@ struct LikelihoodField {
   double max_range_m = 30.0;    ///< longer beams are not used
   int max_beams = 90;           ///< end points used, spread along the contour
   double min_spacing_m = 0.08;  ///< at least this far apart
-  /// Beams are not independent: the log-likelihood is scaled to this many (METHODS: tempering).
+  /// Beams are not independent: the log-likelihood is scaled to this many (tempering).
   double effective_beams = 18.0;
+};
+
+/// Beams that hit things which are not in the map (people, boxes) are left out of weighing, once
+/// the particles agree where the robot is.
+struct BeamSkipping {
+  bool enabled = true;
+  double distance_m = 0.5;     ///< a beam fits a particle when it ends this near to an obstacle
+  double min_share = 0.3;      ///< beams that fit fewer particles are left out ...
+  double max_skipped = 0.9;    ///< ... unless so many would be: then the pose is wrong, not the map
+};
+
+/// Sub-cell pose of the best particles (Gauss-Newton on the distance field).
+struct RefinementParams {
+  bool enabled = true;
+  double min_sigma_m = 0.03;   ///< spread of beam ends about obstacles: estimated, at least this ...
+  double max_sigma_m = 0.25;   ///< ... and at most this
+  double clutter = 0.03;       ///< density of ends anywhere, against 1 on an obstacle
+  double max_distance_m = 0.7; ///< ends farther from every obstacle are not looked at
+  double effective_beams = 60.0;  ///< beams are not independent: counted as so many
+  double map_sigma_m = 0.008;     ///< error of the map itself, does not average out
+  double map_sigma_rad = degToRad(0.1);
+  int max_beams = 240;
+  int iterations = 12;
+  double injected_share = 0.02;  ///< of the particles, drawn about the refined pose
+};
+
+/// Drawing new particles from the weights.
+struct Resampling {
+  double below_effective_share = 0.5;  ///< only when fewer particles carry the weight
+  double kernel = 0.5;                 ///< spread of the new about the old, times n^(-1/7)
+  double min_effective_share = 0.05;   ///< a scan is made blunter until so many remain
 };
 
 /// Sample size by the Kullback-Leibler distance (Fox, IJRR 2003).
@@ -48,9 +91,20 @@ struct RecoveryParams {
   double max_sigma_m = 3.0;           ///< beyond it the whole map is searched
 };
 
+/// GNSS fixes as one more term of the particles' weights, where a map is georeferenced.
+struct GnssTerm {
+  bool enabled = false;
+  double min_sigma_m = 1.0;  ///< fixes are never held for better than this
+  double clutter = 0.05;     ///< a fix may be wrong: density anywhere, against 1 at the fix
+};
+
 struct AmclParams {
   MotionNoise motion;
   LikelihoodField field;
+  BeamSkipping beam_skipping;
+  RefinementParams refinement;
+  Resampling resampling;
+  GnssTerm gnss;
   Kld kld;
   RecoveryParams recovery;
   double update_min_d_m = 0.08;             ///< a scan is used after this much motion ...
@@ -61,10 +115,15 @@ struct AmclParams {
   double trust_time_constant_s = 1.0;       ///< smoothing of the inlier share
   double global_particles_per_m2 = 400.0;   ///< of free space, for global localization
   int global_max_particles = 60000;
+  int threads = 1;  ///< for many particles; the result does not depend on it
 };
 
 void describe(ParamIo& io, MotionNoise& p);
 void describe(ParamIo& io, LikelihoodField& p);
+void describe(ParamIo& io, BeamSkipping& p);
+void describe(ParamIo& io, RefinementParams& p);
+void describe(ParamIo& io, Resampling& p);
+void describe(ParamIo& io, GnssTerm& p);
 void describe(ParamIo& io, Kld& p);
 void describe(ParamIo& io, RecoveryParams& p);
 void describe(ParamIo& io, AmclParams& p);

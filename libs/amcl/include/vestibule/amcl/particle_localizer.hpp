@@ -2,8 +2,10 @@
 
 #include <cstdint>
 #include <memory>
+#include <string>
 #include <vector>
 
+#include "vestibule/amcl/lost_model.hpp"
 #include "vestibule/amcl/params.hpp"
 #include "vestibule/core/events.hpp"
 #include "vestibule/grid/distance_field.hpp"
@@ -14,12 +16,20 @@ namespace vestibule::amcl {
 
 /// What a scan did, and how far the pose can be trusted.
 struct ScanReport {
-  bool used = false;          ///< false: too little motion since the last used scan
+  bool used = false;          ///< false: too little motion since the last used scan, or no beams
+  std::string unused_reason;  ///< "", "too little motion", "too few beams", ...
+  PoseWithCovariance T_map_base;  ///< at the scan's stamp
   double inlier_share = 0.0;  ///< of this scan's beams at the estimated pose, [0, 1]
   double trust = 0.0;         ///< smoothed inlier share, [0, 1]
   bool trusted = false;       ///< trust is above AmclParams::lost_inlier_share
+  /// Calibrated probability that the true pose is farther than 0.5 m or 10 degrees from this one
+  /// (amcl/lost_model.hpp).
+  double lost_probability = 0.0;
+  LostEvidence evidence;
   std::size_t particles = 0;
   double effective_sample_size = 0.0;
+  std::size_t beams = 0;           ///< weighed
+  std::size_t beams_skipped = 0;   ///< of the chosen ones: on things that are not in the map
 };
 
 /// One place where the robot may be. Weights of several need not sum to one.
@@ -28,9 +38,15 @@ struct PoseMode {
   double weight = 1.0;
 };
 
-/// Monte-Carlo localization in a prior map, on MRPT's CMonteCarloLocalization2D with KLD-adaptive
-/// sample size. Every random number comes from (seed, number of the update): the same input gives
-/// the same particles, whatever else draws from MRPT's generator in between.
+/// Who measured the turn of an odometry increment.
+enum class YawSource { kWheels, kGyro };
+
+/// Monte-Carlo localization in a prior map: MRPT's particle filter (CParticleFilter over a
+/// CParticleFilterCapable set) on kernels of our own, with KLD-adaptive sample size, and a
+/// Gauss-Newton refinement of the likeliest place on the distance field.
+///
+/// Every random number comes from (seed, number of the update, particle): the same input gives the
+/// same particles for any number of threads and with or without vector instructions.
 /// Not thread-safe; one instance per robot and map.
 class ParticleLocalizer {
  public:
@@ -52,13 +68,21 @@ class ParticleLocalizer {
   void initialiseGlobally();
   [[nodiscard]] bool initialised() const;
 
-  void process(const WheelOdometry& odometry);
+  /// \param yaw_source a gyro's turn is trusted more than the wheels'
+  void process(const WheelOdometry& odometry, YawSource yaw_source = YawSource::kWheels);
+  /// A scan counts at its own stamp, wherever in the last seconds' odometry that lies.
   /// \pre initialised()
   ScanReport process(const LaserScan& scan);
 
-  /// Weighted mean and covariance of the particles, carried on by the odometry since the last used
-  /// scan. \pre initialised()
+  /// Weighs the particles by a position (GNSS), where AmclParams::gnss says so.
+  /// \param sigma_m of each axis, as the receiver or its filter claims
+  void process(const Point2& p_map_base, double sigma_m);
+
+  /// The likeliest place and its covariance, carried on to the latest odometry. While several
+  /// places are likely the covariance spans them. \pre initialised()
   [[nodiscard]] PoseWithCovariance pose() const;
+  /// All likely places with their shares of the weight, the likeliest first. \pre initialised()
+  [[nodiscard]] std::vector<PoseMode> modes() const;
   [[nodiscard]] const ScanReport& lastReport() const;
   [[nodiscard]] const grid::OccupancyMap& map() const;
 

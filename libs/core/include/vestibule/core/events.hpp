@@ -58,6 +58,8 @@ struct ParticlesEvent {
   const std::vector<double>& weights;  ///< normalised, sum 1
   double effective_sample_size = 0.0;
   double inlier_share = 0.0;  ///< share of valid beams ending near a mapped obstacle
+  double lost_probability = 0.0;
+  std::vector<Point2> p_map_unmapped;  ///< beam ends far from every mapped obstacle
 };
 
 /// A change of authority, with the numbers behind it.

@@ -46,8 +46,13 @@ class OccupancyMap {
   [[nodiscard]] const Point2& corner() const { return p_grid_corner_; }
   /// Cell at column ix (from the left), row iy (from the bottom).
   [[nodiscard]] Cell cell(int ix, int iy) const;
+  /// Writes 0 for each occupied cell of a row and 1 for the others, width() of them.
+  /// \return whether any cell is occupied
+  bool markFree(int iy, std::uint8_t* row) const;
   /// Cell under a point of the map frame; unknown outside the grid.
   [[nodiscard]] Cell at(const Point2& p_map) const;
+  /// Cell under a point of the *grid* frame; unknown outside the grid.
+  [[nodiscard]] Cell atGrid(const Point2& p_grid) const;
   [[nodiscard]] std::size_t count(Cell kind) const;
 
  private:

@@ -14,7 +14,10 @@ struct KnownPosesParams {
   double resolution_m = 0.05;  ///< [m] cell size
   /// [m] beams are cut here: what lies farther is neither hit nor seen free.
   double max_range_m = 30.0;
-  double p_hit = 0.75;  ///< occupancy probability one end point gives its cell; the beam 1 - p_hit
+  double p_hit = 0.75;  ///< occupancy probability one end point gives its cell
+  /// Freeness probability a beam gives the cells it passes. Lower than p_hit: grazing beams pass
+  /// through the near side of a wall and would wear it off.
+  double p_pass = 0.55;
   double margin_m = 1.0;  ///< [m] unknown rim kept around what was seen
 };
 void describe(ParamIo& io, KnownPosesParams& params);
