@@ -39,16 +39,44 @@ void RunRecorder::onUpdate(const UpdateEvent& event) {
   }
 }
 
+namespace {
+
+/// One sigma of the particles' position [m].
+double spreadOf(const ParticlesEvent& event) {
+  const std::size_t n = event.T_map_particles.size();
+  if (n == 0 || event.weights.size() != n) return 0.0;
+  const Pose2& origin = event.T_map_particles.front();
+  double x = 0.0;
+  double y = 0.0;
+  double squares = 0.0;
+  for (std::size_t i = 0; i < n; ++i) {
+    const double dx = event.T_map_particles[i].x - origin.x;
+    const double dy = event.T_map_particles[i].y - origin.y;
+    x += event.weights[i] * dx;
+    y += event.weights[i] * dy;
+    squares += event.weights[i] * (dx * dx + dy * dy);
+  }
+  return std::sqrt(std::max(0.0, squares - x * x - y * y));
+}
+
+}  // namespace
+
 ParticleSnapshot RunRecorder::snapshotOf(const ParticlesEvent& event) const {
   const std::size_t n = event.T_map_particles.size();
+  ParticleSnapshot snapshot;
+  snapshot.stamp = event.stamp;
+  snapshot.count = n;
+  snapshot.spread_m = spreadOf(event);
+  snapshot.lost_probability = event.lost_probability;
+  snapshot.p_map_unmapped = event.p_map_unmapped;
   if (n <= limits_.max_particles || event.weights.size() != n) {
     const auto end = event.T_map_particles.begin() +
                      static_cast<std::ptrdiff_t>(std::min(n, limits_.max_particles));
-    return {event.stamp, {event.T_map_particles.begin(), end}};
+    snapshot.T_map_particles.assign(event.T_map_particles.begin(), end);
+    return snapshot;
   }
   // Systematic sampling: evenly spaced pointers over the cumulative weights, without random
   // numbers.
-  ParticleSnapshot snapshot{event.stamp, {}};
   snapshot.T_map_particles.reserve(limits_.max_particles);
   double cumulative = 0.0;
   for (std::size_t i = 0; i < n; ++i) {
@@ -67,6 +95,15 @@ void RunRecorder::onParticles(const ParticlesEvent& event) {
   if (event.T_map_particles.empty()) return;
   see(event.stamp);
   last_snapshot_ = snapshotOf(event);
+  if (particle_samples_.next()) {
+    particle_samples_.keep(
+        {event.stamp,
+         last_snapshot_->count,
+         last_snapshot_->spread_m,
+         event.inlier_share,
+         event.lost_probability},
+        limits_.max_particle_samples);
+  }
   if (snapshots_.next()) snapshots_.keep(*last_snapshot_, limits_.max_snapshots);
 }
 

@@ -8,6 +8,7 @@
 #include "text.hpp"
 #include "vestibule/core/angles.hpp"
 #include "vestibule/gui_headless/charts.hpp"
+#include "vestibule/gui_headless/filmstrip.hpp"
 #include "vestibule/gui_headless/report.hpp"
 
 namespace vestibule::gui_headless {
@@ -115,6 +116,11 @@ class SectionBuilder {
       chart.series.push_back({"95 % of position, long axis", SeriesLook::kBound, std::move(bound)});
       charts.push_back(lineChart(chart));
     }
+    if (!run_.particleSamples().empty()) {
+      charts.push_back(particleTrustChart());
+      charts.push_back(particleSpreadChart());
+      charts.push_back(particleCountChart());
+    }
     for (const auto& [name, sensor] : run_.updates()) {
       if (auto chart = nisChart(name, sensor)) charts.push_back(*chart);
     }
@@ -135,6 +141,39 @@ class SectionBuilder {
 
   static Figure plain(const std::string& label, const std::string& value, const std::string& unit) {
     return {label, value, unit, "", Figure::Verdict::kNone, ""};
+  }
+
+  template <class Value>
+  [[nodiscard]] std::vector<std::pair<double, double>> overTime(const Value& value) const {
+    std::vector<std::pair<double, double>> points;
+    for (const ParticleSample& sample : run_.particleSamples()) {
+      points.emplace_back(since(sample.stamp), value(sample));
+    }
+    return points;
+  }
+  [[nodiscard]] std::string particleTrustChart() const {
+    LineChart chart = timeChart("Trust in the particles", "share");
+    chart.series.push_back(
+        {"beams on mapped obstacles", SeriesLook::kEstimate,
+         overTime([](const ParticleSample& s) { return s.inlier_share; })});
+    chart.series.push_back(
+        {"probability of being lost", SeriesLook::kSecond,
+         overTime([](const ParticleSample& s) { return s.lost_probability; })});
+    return lineChart(chart);
+  }
+  [[nodiscard]] std::string particleSpreadChart() const {
+    LineChart chart = timeChart("Spread of the particles", "one sigma [m]");
+    chart.series.push_back(
+        {"position", SeriesLook::kEstimate,
+         overTime([](const ParticleSample& s) { return s.spread_m; })});
+    return lineChart(chart);
+  }
+  [[nodiscard]] std::string particleCountChart() const {
+    LineChart chart = timeChart("Number of particles", "particles");
+    chart.series.push_back(
+        {"particles", SeriesLook::kEstimate,
+         overTime([](const ParticleSample& s) { return static_cast<double>(s.count); })});
+    return lineChart(chart);
   }
 
   [[nodiscard]] Figure durationTile() const {
@@ -327,6 +366,11 @@ ReportSection sectionFromRun(
   section.highlights = builder.highlights();
   section.pictures.push_back(
       {"Overview: estimate coloured by mode, north is up.", renderOverview(run, scene, style)});
+  if (std::string strip = renderFilmstrip(run, scene); !strip.empty()) {
+    section.pictures.push_back(
+        {"Particles over time; red: beams that ended on things which are not in the map.",
+         std::move(strip)});
+  }
   section.charts = builder.charts();
   section.tables = builder.tables();
   if (run.eventsNotKept() > 0) {

@@ -4,8 +4,8 @@
 #include <cassert>
 #include <cmath>
 
-#include "parallel.hpp"
 #include "vestibule/core/angles.hpp"
+#include "vestibule/core/parallel.hpp"
 
 namespace vestibule::amcl {
 namespace {
@@ -14,6 +14,18 @@ namespace {
 // 10 m away is 2 cm off, a fraction of a cell.
 constexpr std::size_t kYawBins = 1800;
 constexpr std::size_t kMinPiece = 4096;  // particles worth a thread
+
+/// Calls work(begin, end) on pieces of [0, n) whose ends are multiples of `grain`: a few per thread,
+/// and one for all where there is too little for several. Pieces must not depend on each other.
+template <class Work>
+void forPieces(std::size_t n, std::size_t grain, int threads, const Work& work) {
+  const std::size_t pieces =
+      std::max<std::size_t>(1, std::min(static_cast<std::size_t>(threads), n / kMinPiece));
+  const std::size_t piece = (n / pieces + grain) / grain * grain;
+  parallelFor((n + piece - 1) / piece, static_cast<std::size_t>(threads), [&](std::size_t i) {
+    work(i * piece, std::min(n, (i + 1) * piece));
+  });
+}
 
 }  // namespace
 
@@ -42,7 +54,7 @@ Pose2 ParticleSet::pose(std::size_t i) const {
 
 void ParticleSet::diffuse(const NoisyIncrement& increment, const NoiseKey& noise) {
   const ParticleArrays arrays{x_.data(), y_.data(), yaw_.data()};
-  forPieces(padded(count_), kLanes, threads_, kMinPiece, [&](std::size_t begin, std::size_t end) {
+  forPieces(padded(count_), kLanes, threads_, [&](std::size_t begin, std::size_t end) {
     propagate(arrays, begin, end, increment, noise, simd_);
   });
 }
@@ -119,7 +131,7 @@ void ParticleSet::weigh(const std::vector<Point2>& ends) {
     }
   };
   // Pieces of bins that hold about equally many particles.
-  forPieces(count_, 1, threads_, kMinPiece, [&](std::size_t begin, std::size_t end) {
+  forPieces(count_, 1, threads_, [&](std::size_t begin, std::size_t end) {
     const auto binOf = [&](std::size_t particle) {
       return static_cast<std::size_t>(
           std::lower_bound(s.bin_begin.begin(), s.bin_begin.end() - 1, particle) -

@@ -93,7 +93,9 @@ void EventLog::onParticles(const ParticlesEvent& event) {
   JsonLine line(event.stamp, "particles");
   line.add("count", static_cast<long long>(event.T_map_particles.size()))
       .add("ess", event.effective_sample_size)
-      .add("inlier_share", event.inlier_share);
+      .add("inlier_share", event.inlier_share)
+      .add("lost_probability", event.lost_probability)
+      .add("unmapped_beams", static_cast<long long>(event.p_map_unmapped.size()));
   out_ << line.line();
 }
 

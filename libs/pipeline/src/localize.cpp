@@ -6,6 +6,7 @@
 #include "vestibule/amcl/particle_localizer.hpp"
 #include "vestibule/amcl/recovery_ladder.hpp"
 #include "vestibule/core/errors.hpp"
+#include "vestibule/ekf/filter.hpp"
 
 namespace vestibule::pipeline {
 namespace {
@@ -13,6 +14,38 @@ namespace {
 // What a person who types or clicks a start pose is good for.
 constexpr double kInitSigma_m = 0.25;
 constexpr double kInitSigma_rad = degToRad(8.0);
+
+/// Wheels alone, or once there is a gyro in the recording the odometry filter, whose turns are the
+/// gyro's: the wheels of a skid-steer robot do not know how far it turned.
+class GyroOdometry {
+ public:
+  explicit GyroOdometry(const ekf::FilterParams& params) : filter_(params) {}
+
+  WheelOdometry process(const WheelOdometry& wheels) {
+    filter_.process(wheels);
+    WheelOdometry odometry = wheels;
+    const Pose2 now = filter_.pose().mean;
+    if (has_gyro_) {
+      odometry.stamp = filter_.time();
+      odometry.T_previous_now = between(T_odom_base_, now);
+    }
+    T_odom_base_ = now;
+    return odometry;
+  }
+  void process(const Imu& imu) {
+    filter_.process(imu);
+    if (!has_gyro_) T_odom_base_ = filter_.pose().mean;
+    has_gyro_ = true;
+  }
+  [[nodiscard]] amcl::YawSource yawSource() const {
+    return has_gyro_ ? amcl::YawSource::kGyro : amcl::YawSource::kWheels;
+  }
+
+ private:
+  ekf::OdometryFilter filter_;
+  Pose2 T_odom_base_;
+  bool has_gyro_ = false;
+};
 
 }  // namespace
 
@@ -44,16 +77,21 @@ LocalizeResult localize(
   std::size_t trusted_count = 0;
   double inlier_sum = 0.0;
   double particle_sum = 0.0;
+  double lost_sum = 0.0;
   std::optional<Timestamp> first;
   std::optional<Timestamp> last;
+  GyroOdometry odometry_source(config.ekf);
   while (const auto record = reader->next()) {
-    if (const auto* odometry = std::get_if<WheelOdometry>(&record->measurement)) {
-      localizer.process(*odometry);
-      recovery.process(*odometry);
+    if (const auto* wheels = std::get_if<WheelOdometry>(&record->measurement)) {
+      const WheelOdometry odometry = odometry_source.process(*wheels);
+      localizer.process(odometry, odometry_source.yawSource());
+      recovery.process(odometry);
       ++odometry_count;
+    } else if (const auto* imu = std::get_if<Imu>(&record->measurement)) {
+      odometry_source.process(*imu);
     } else if (const auto* scan = std::get_if<LaserScan>(&record->measurement)) {
       const amcl::ScanReport report = localizer.process(*scan);
-      const Pose2 T_map_base = localizer.pose().mean;
+      const Pose2 T_map_base = report.T_map_base.mean;  // at the scan's stamp
       recovery.process(*scan, report);
       if (!result.trajectory.empty()) {
         result.distance_m += distance(result.trajectory.back().pose, T_map_base);
@@ -67,6 +105,8 @@ LocalizeResult localize(
       trusted_count += report.trusted ? 1U : 0U;
       inlier_sum += report.inlier_share;
       result.final_trust = report.trust;
+      result.final_lost_probability = report.lost_probability;
+      lost_sum += report.lost_probability;
       result.trusted_at_end = report.trusted;
       first = first ? std::min(*first, scan->stamp) : scan->stamp;
       last = last ? std::max(*last, scan->stamp) : scan->stamp;
@@ -87,6 +127,7 @@ LocalizeResult localize(
   const auto n = static_cast<double>(result.trajectory.size());
   result.trusted_share = static_cast<double>(trusted_count) / n;
   result.mean_inlier_share = inlier_sum / n;
+  result.mean_lost_probability = lost_sum / n;
   result.mean_particle_count =
       result.scans_used > 0 ? particle_sum / static_cast<double>(result.scans_used) : 0.0;
   result.data_s = toSeconds(*last - *first);

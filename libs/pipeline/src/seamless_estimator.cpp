@@ -66,6 +66,7 @@ void SeamlessEstimator::process(const Measurement& measurement) {
     onWheels(*wheels);
   } else if (const auto* imu = std::get_if<Imu>(&measurement)) {
     gnss_filter_.process(*imu);
+    has_gyro_ = true;
   } else if (const auto* heading = std::get_if<Heading>(&measurement)) {
     gnss_filter_.process(*heading);
   } else if (const auto* fix = std::get_if<GnssFix>(&measurement)) {
@@ -84,7 +85,8 @@ void SeamlessEstimator::onWheels(const WheelOdometry& wheels) {
     // robot do not know how far it turned.
     WheelOdometry increment = wheels;
     increment.T_previous_now = between(T_odom_base_, T_odom_base);
-    particles_->process(increment);
+    particles_->process(
+        increment, has_gyro_ ? amcl::YawSource::kGyro : amcl::YawSource::kWheels);
   }
   T_odom_base_ = T_odom_base;
 

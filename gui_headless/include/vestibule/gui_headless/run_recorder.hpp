@@ -20,6 +20,7 @@ struct RecorderLimits {
   std::size_t max_poses = 16384;    ///< per source; thinned evenly beyond
   std::size_t max_snapshots = 12;   ///< of the particle set, besides the first and the last
   std::size_t max_particles = 400;  ///< per snapshot, drawn in proportion to their weights
+  std::size_t max_particle_samples = 8192;
   std::size_t max_updates = 8192;   ///< NIS samples per sensor; thinned evenly beyond
   std::size_t max_events = 1000;    ///< mode changes, and mission events; later ones only counted
   std::size_t max_warnings = 200;   ///< different warnings; repeats of one are only counted
@@ -34,6 +35,19 @@ struct PoseSample {
 struct ParticleSnapshot {
   Timestamp stamp;
   std::vector<Pose2> T_map_particles;
+  std::size_t count = 0;  ///< of all particles, before thinning
+  double spread_m = 0.0;  ///< one sigma of their position
+  double lost_probability = 0.0;
+  std::vector<Point2> p_map_unmapped;  ///< beam ends on things that are not in the map
+};
+
+/// The particle set in numbers.
+struct ParticleSample {
+  Timestamp stamp;
+  std::size_t count = 0;
+  double spread_m = 0.0;
+  double inlier_share = 0.0;
+  double lost_probability = 0.0;
 };
 
 struct NisSample {
@@ -114,6 +128,9 @@ class RunRecorder : public Observer {
 
   /// First, evenly chosen, last.
   [[nodiscard]] std::vector<ParticleSnapshot> snapshots() const;
+  [[nodiscard]] const std::vector<ParticleSample>& particleSamples() const {
+    return particle_samples_.kept;
+  }
   [[nodiscard]] const std::map<std::string, SensorUpdates>& updates() const { return updates_; }
   [[nodiscard]] const std::vector<ModeEvent>& modeEvents() const { return mode_events_; }
   [[nodiscard]] const std::vector<MissionEvent>& missionEvents() const { return mission_events_; }
@@ -141,6 +158,7 @@ class RunRecorder : public Observer {
   std::array<Track, 5> tracks_;
   Thinned<ParticleSnapshot> snapshots_;
   std::optional<ParticleSnapshot> last_snapshot_;
+  Thinned<ParticleSample> particle_samples_;
   std::map<std::string, SensorUpdates> updates_;
   std::vector<ModeEvent> mode_events_;
   std::vector<MissionEvent> mission_events_;

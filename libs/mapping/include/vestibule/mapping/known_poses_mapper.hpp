@@ -14,16 +14,16 @@ struct KnownPosesParams {
   double resolution_m = 0.05;  ///< [m] cell size
   /// [m] beams are cut here: what lies farther is neither hit nor seen free.
   double max_range_m = 30.0;
-  double p_hit = 0.75;  ///< occupancy probability one end point gives its cell
-  /// Freeness probability a beam gives the cells it passes. Lower than p_hit: grazing beams pass
-  /// through the near side of a wall and would wear it off.
-  double p_pass = 0.55;
+  /// Hits per scan that saw a cell, from which it is occupied. Well below one half: where scans are
+  /// a little off each other, the near side of a wall is seen through as often as it is hit, and a
+  /// map without it lets the localizer stand too near to every wall it looks at.
+  double occupied_ratio = 0.2;
   double margin_m = 1.0;  ///< [m] unknown rim kept around what was seen
 };
 void describe(ParamIo& io, KnownPosesParams& params);
 
 /// Builds an occupancy map from scans whose robot poses are already right (the output of a SLAM
-/// run): log-odds ray casting by mrpt::maps::COccupancyGridMap2D. The grid grows to fit.
+/// run): hits and passes counted per cell, as the particle filter's maps do. The grid grows to fit.
 class KnownPosesMapper {
  public:
   explicit KnownPosesMapper(const KnownPosesParams& params);

@@ -20,6 +20,8 @@ struct LocalizeResult {
   double trusted_share = 0.0;      ///< of the scans
   double mean_inlier_share = 0.0;
   double final_trust = 0.0;
+  double mean_lost_probability = 0.0;
+  double final_lost_probability = 0.0;
   bool trusted_at_end = false;
   int recoveries = 0;  ///< searches because the scans did not fit
   std::size_t largest_particle_count = 0;

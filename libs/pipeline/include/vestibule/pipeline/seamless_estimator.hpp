@@ -69,6 +69,7 @@ class SeamlessEstimator {
 
   Timestamp time_;
   Pose2 T_odom_base_;
+  bool has_gyro_ = false;
   std::optional<Timestamp> last_fix_;
   std::optional<Timestamp> last_map_pose_to_filter_;
 };
