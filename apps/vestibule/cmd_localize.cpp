@@ -5,14 +5,21 @@
 #include "run_output.hpp"
 #include "runs.hpp"
 #include "terminal.hpp"
+#include "vestibule/amcl/amcl_names.hpp"
 #include "vestibule/io/map_io.hpp"
 
 namespace vestibule::app {
 
+pipeline::Config localizeConfig(const LocalizeArguments& args) {
+  pipeline::Config config = pipeline::loadConfig(args.config);
+  if (!args.amcl_params.empty()) (void)amcl::applyAmclFile(args.amcl_params, config.amcl);
+  return config;
+}
+
 gui_headless::ReportSection runLocalize(
     const LocalizeArguments& args, RunOutput& output, pipeline::LocalizeResult& result) {
   const auto map = std::make_shared<const grid::OccupancyMap>(io::loadMap(args.map));
-  pipeline::Config config = pipeline::loadConfig(args.config);
+  const pipeline::Config config = localizeConfig(args);
   io::RecordingOptions options;
   options.rig = config.rig;
   options.csv_mapping_dir = shipped("config/csv");
@@ -41,6 +48,8 @@ gui_headless::ReportSection runLocalize(
   s["trusted_share"] = rounded(result.trusted_share, 6);
   s["trusted_at_end"] = result.trusted_at_end;
   s["final_trust"] = rounded(result.final_trust, 6);
+  s["mean_lost_probability"] = rounded(result.mean_lost_probability, 6);
+  s["final_lost_probability"] = rounded(result.final_lost_probability, 6);
   s["mean_inlier_share"] = rounded(result.mean_inlier_share, 6);
   s["recoveries"] = result.recoveries;
   s["particles_mean"] = rounded(result.mean_particle_count, 1);
@@ -54,6 +63,7 @@ gui_headless::ReportSection runLocalize(
   scene.reference = asReference(reference);
   auto section = gui_headless::sectionFromRun(output.recorder(), scene, args.title);
   section.figures = {
+      figure("probability of being lost, mean", fixed(100.0 * result.mean_lost_probability, 1), "%"),
       figure("scans", std::to_string(result.trajectory.size())),
       figure("distance", fixed(result.distance_m, 1), "m"),
       figure("recording", fixed(result.data_s, 1), "s"),
@@ -77,17 +87,44 @@ gui_headless::ReportSection runLocalize(
     section.figures.push_back(figure("yaw RMSE", fixed(radToDeg(errors.yaw_rad.rmse), 2), "deg"));
   }
   if (!section.pictures.empty()) output.picture("map.png", section.pictures.front().png);
+  if (section.pictures.size() > 1) output.picture("particles.png", section.pictures[1].png);
   return section;
 }
 
+namespace {
+
+struct Options {
+  LocalizeArguments args;
+  std::string init;
+  std::string ref;
+  bool global = false;
+  std::string out;
+};
+
+std::string joined(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
+  return text;
+}
+
+/// Says what the file of AMCL parameters did, and takes its start pose where none is given.
+void tellAmclNames(Options& o) {
+  amcl::AmclParams ignored;
+  const amcl::AmclNames names = amcl::applyAmclFile(o.args.amcl_params, ignored);
+  std::printf("%s: %zu parameters taken over", o.args.amcl_params.c_str(), names.applied.size());
+  if (!names.ignored.empty()) {
+    std::printf("; without effect here: %s", joined(names.ignored).c_str());
+  }
+  if (!names.unknown.empty()) {
+    std::printf("; not parameters of AMCL: %s", joined(names.unknown).c_str());
+  }
+  std::printf("\n");
+  if (o.init.empty() && !o.global && names.T_map_base_init) o.args.init = names.T_map_base_init;
+}
+
+}  // namespace
+
 void addLocalize(CLI::App& app, int& exit_code) {
-  struct Options {
-    LocalizeArguments args;
-    std::string init;
-    std::string ref;
-    bool global = false;
-    std::string out;
-  };
   auto o = std::make_shared<Options>();
   CLI::App* command =
       app.add_subcommand("localize", "where the robot was in a prebuilt map, from a recording");
@@ -100,6 +137,10 @@ void addLocalize(CLI::App& app, int& exit_code) {
   command->add_flag("--global", o->global, "search the whole map for the start pose")
       ->excludes(init);
   command->add_option("--config", o->args.config, "YAML as config/default.yaml");
+  command->add_option(
+      "--amcl-params",
+      o->args.amcl_params,
+      "parameter file of nav2_amcl (or ROS 1's amcl), on top of --config");
   command->add_option("--ref", o->ref, "reference trajectory (TUM) for the errors in the report");
   command->add_option("--out", o->out, "output folder")->required();
   command->callback([o, &exit_code] {
@@ -109,7 +150,8 @@ void addLocalize(CLI::App& app, int& exit_code) {
       o->args.reference = [reference](const metrics::Trajectory&) { return reference; };
     }
     o->args.title = "Localization in a prebuilt map";
-    RunOutput output(o->out, "localize", pipeline::loadConfig(o->args.config));
+    if (!o->args.amcl_params.empty()) tellAmclNames(*o);
+    RunOutput output(o->out, "localize", localizeConfig(o->args));
     pipeline::LocalizeResult result;
     gui_headless::Report report;
     report.title = "Vestibule: localize";

@@ -56,6 +56,7 @@ int run(int argc, char** argv) {
   addReplay(app, exit_code);
   addSim(app, exit_code);
   addEval(app, exit_code);
+  addBench(app, exit_code);
   try {
     app.parse(argc, argv);
   } catch (const CLI::CallForHelp& e) {

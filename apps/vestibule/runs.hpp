@@ -21,12 +21,15 @@ struct LocalizeArguments {
   std::string log;
   std::string map;
   std::string config;
+  std::string amcl_params;    ///< parameter file of nav2_amcl or amcl
   std::optional<Pose2> init;  ///< empty = global
   /// Reference poses for this trajectory; may be empty.
   std::function<metrics::Trajectory(const metrics::Trajectory&)> reference;
   double rmse_bar_m = 0.0;  ///< shown in the report when > 0
   std::string title;
 };
+/// The configuration with the AMCL parameters on top.
+[[nodiscard]] pipeline::Config localizeConfig(const LocalizeArguments& args);
 [[nodiscard]] gui_headless::ReportSection runLocalize(
     const LocalizeArguments& args, RunOutput& output, pipeline::LocalizeResult& result);
 

@@ -63,7 +63,9 @@ mrpt::obs::CObservation2DRangeScan thinned(std::size_t beams) {
   mrpt::obs::CObservation2DRangeScan few = scan;
   few.resizeScan(beams);
   for (std::size_t k = 0; k < beams; ++k) {
-    const std::size_t i = k * (all - 1) / (beams - 1);
+    // A beam without echo takes that of its neighbour: all beams of the bench count.
+    std::size_t i = k * (all - 1) / (beams - 1);
+    while (i > 0 && !scan.getScanRangeValidity(i)) --i;
     few.setScanRange(k, scan.getScanRange(i));
     few.setScanRangeValidity(k, true);
   }
@@ -90,8 +92,9 @@ Pose2 stepOf(int update) {
 }
 
 void setItems(benchmark::State& state) {
-  state.counters["ns_per_particle_beam"] = benchmark::Counter(
-      1e-9 * static_cast<double>(state.iterations() * state.range(0) * state.range(1)),
+  // Seconds per particle-beam, printed with a unit prefix.
+  state.counters["per_particle_beam"] = benchmark::Counter(
+      static_cast<double>(state.iterations() * state.range(0) * state.range(1)),
       benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
 }
 
@@ -232,21 +235,50 @@ void tracking(benchmark::State& state) {
 }
 BENCHMARK(tracking);
 
-/// Distance field and likelihood table of a large map.
-void mapPreparation(benchmark::State& state) {
-  const auto side = static_cast<int>(state.range(0));
+/// A building of 2000 x 2000 cells, or however many: rooms of 6 x 8 m with doors.
+grid::OccupancyMap rooms(int side) {
   std::vector<grid::Cell> cells(static_cast<std::size_t>(side * side), grid::Cell::kFree);
-  RandomStream rng(3, "bench");
-  for (auto& cell : cells) {
-    if (rng.uniform() < 0.02) cell = grid::Cell::kOccupied;
+  for (int y = 0; y < side; ++y) {
+    for (int x = 0; x < side; ++x) {
+      const bool wall = (x % 120 < 2 && y % 97 > 15) || (y % 160 < 2 && x % 83 > 15);
+      if (wall) cells[static_cast<std::size_t>(y * side + x)] = grid::Cell::kOccupied;
+    }
   }
-  const auto map = grid::OccupancyMap::fromCells(side, side, 0.05, {0, 0}, cells);
+  return grid::OccupancyMap::fromCells(side, side, 0.05, {0, 0}, cells);
+}
+
+void distanceField(benchmark::State& state) {
+  const auto map = rooms(static_cast<int>(state.range(0)));
   for (auto _ : state) {
     const grid::DistanceField field(map);
     benchmark::DoNotOptimize(field.cells().data());
   }
 }
-BENCHMARK(mapPreparation)->Arg(2000)->Unit(benchmark::kMillisecond);
+BENCHMARK(distanceField)->Arg(2000)->Unit(benchmark::kMillisecond);
+
+/// A box of 10 x 10 cells that comes and goes.
+void distanceFieldUpdate(benchmark::State& state) {
+  const auto map = rooms(static_cast<int>(state.range(0)));
+  const auto grid = mrpt::maps::COccupancyGridMap2D::Create(*map.mrptGrid());
+  const grid::OccupancyMap changing(grid, Pose2{});
+  grid::DistanceField field(changing);
+  bool there = false;
+  for (auto _ : state) {
+    there = !there;
+    for (int y = 1000; y < 1010; ++y) {
+      for (int x = 1000; x < 1010; ++x) grid->setCell(x, y, there ? 0.02F : 0.98F);
+    }
+    field.update(changing, {1000, 1000, 1009, 1009});
+  }
+}
+BENCHMARK(distanceFieldUpdate)->Arg(2000)->Unit(benchmark::kMillisecond);
+
+void likelihoodTable(benchmark::State& state) {
+  const auto map = rooms(static_cast<int>(state.range(0)));
+  const grid::DistanceField field(map);
+  for (auto _ : state) benchmark::DoNotOptimize(LikelihoodTable(map, field, {}).view().values);
+}
+BENCHMARK(likelihoodTable)->Arg(2000)->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace vestibule::amcl

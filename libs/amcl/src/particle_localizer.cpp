@@ -27,6 +27,7 @@ constexpr double kFar_m = 1e3;
 constexpr double kBlockedMargin_m = 0.4;  // beams end about here before the obstacle they hit
 constexpr double kOldScan_s = 10.0;       // stamps farther back are another clock's
 constexpr double kNoOdometry_s = 2.0;
+constexpr double kSlowEvidence_s = 10.0;
 constexpr double kConvergedSpread_m = 1.5;
 constexpr double kSearchTempering = 0.5;
 constexpr double kClusterBin_m = 0.5;
@@ -45,6 +46,20 @@ constexpr double kWallOffsetSigma_m = 0.03;   // before anything is known
 constexpr double kWallOffsetWalk_m = 0.0005;  // its change from update to update
 
 enum NoisePurpose : std::uint32_t { kMotionNoise = 1, kKernelNoise = 2 };
+
+/// A pose that takes many points along: its sine and cosine are computed once.
+class Turned {
+ public:
+  explicit Turned(const Pose2& T) : T_(T), c_(std::cos(T.phi)), s_(std::sin(T.phi)) {}
+  [[nodiscard]] Point2 operator()(const Point2& p) const {
+    return {T_.x + c_ * p.x - s_ * p.y, T_.y + s_ * p.x + c_ * p.y};
+  }
+
+ private:
+  Pose2 T_;
+  double c_;
+  double s_;
+};
 
 Eigen::Matrix3d rotation(double yaw) {
   Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
@@ -90,16 +105,18 @@ double inlierShare(
     const grid::DistanceField& field,
     double inlier_distance_m,
     double max_range_m) {
-  const Pose2 T_map_laser = compose(T_map_base, scan.T_base_laser);
+  const Pose2 T_grid_laser =
+      compose(field.T_grid_map(), compose(T_map_base, scan.T_base_laser));
   std::size_t valid = 0;
   std::size_t inliers = 0;
   for (std::size_t i = 0; i < scan.ranges_m.size(); ++i) {
     const auto range = static_cast<double>(scan.ranges_m[i]);
     if (!scan.valid(i) || range > max_range_m) continue;
     ++valid;
-    const Point2 end =
-        transform(T_map_laser, {range * std::cos(scan.angle(i)), range * std::sin(scan.angle(i))});
-    if (field.at(end, max_range_m) < inlier_distance_m) ++inliers;
+    const double angle = T_grid_laser.phi + scan.angle(i);
+    const Point2 end{
+        T_grid_laser.x + range * std::cos(angle), T_grid_laser.y + range * std::sin(angle)};
+    if (field.atGrid(end, max_range_m) < inlier_distance_m) ++inliers;
   }
   if (valid < kMinBeams) return 0.0;
   return static_cast<double>(inliers) / static_cast<double>(valid);
@@ -259,15 +276,14 @@ struct ParticleLocalizer::Impl {
 
   /// What the scan says at the estimated pose; fills p_map_unmapped.
   void collectEvidence(const std::vector<Point2>& ends, const Point2& p_base_laser) {
-    const Pose2 T_grid_base =
-        compose(inverse(map->T_map_grid()), report.T_map_base.mean);
-    const Point2 laser = transform(T_grid_base, p_base_laser);
+    const Turned T_grid_base(compose(inverse(map->T_map_grid()), report.T_map_base.mean));
+    const Point2 laser = T_grid_base(p_base_laser);
     const std::vector<Point2> looked_at = spreadAlongContour(ends, 0.0, kEvidenceBeams);
     std::size_t blocked = 0;
     std::size_t off_map = 0;
     p_map_unmapped.clear();
     for (const Point2& p_base_end : looked_at) {
-      const Point2 end = transform(T_grid_base, p_base_end);
+      const Point2 end = T_grid_base(p_base_end);
       if (field.atGrid(end, kFar_m) > params.beam_skipping.distance_m) {
         p_map_unmapped.push_back(transform(map->T_map_grid(), end));
       }
@@ -282,11 +298,21 @@ struct ParticleLocalizer::Impl {
         std::sqrt(report.T_map_base.cov(0, 0) + report.T_map_base.cov(1, 1));
   }
 
-  void judge(double keep) {
+  /// \param dt_s since the last scan; the first scan counts alone
+  void judge(double dt_s, bool first) {
+    const auto keptAfter = [&](double time_constant_s) {
+      return first ? 0.0 : std::exp(-dt_s / time_constant_s);
+    };
+    const double keep = keptAfter(params.trust_time_constant_s);
+    const double keep_slowly = keptAfter(kSlowEvidence_s);
     const auto smooth = [keep](double& value, double seen) {
       value = keep * value + (1.0 - keep) * seen;
     };
     LostEvidence& e = report.evidence;
+    e.slow_inlier_share =
+        keep_slowly * e.slow_inlier_share + (1.0 - keep_slowly) * evidence.inlier_share;
+    e.slow_blocked_share =
+        keep_slowly * e.slow_blocked_share + (1.0 - keep_slowly) * evidence.blocked_share;
     smooth(e.inlier_share, evidence.inlier_share);
     smooth(e.blocked_share, evidence.blocked_share);
     smooth(e.off_map_share, evidence.off_map_share);
@@ -341,10 +367,9 @@ struct ParticleLocalizer::Impl {
     const std::size_t samples = std::min(kSamples, particles.size());
     std::vector<std::size_t> fits(ends.size(), 0);
     for (std::size_t k = 0; k < samples; ++k) {
-      const Pose2 T = compose(particles.pose(k * particles.size() / samples), increment);
+      const Turned T(compose(particles.pose(k * particles.size() / samples), increment));
       for (std::size_t b = 0; b < ends.size(); ++b) {
-        const Point2 end = transform(T, ends[b]);
-        if (field.atGrid(end, 2.0 * p.distance_m) < p.distance_m) ++fits[b];
+        if (field.atGrid(T(ends[b]), kFar_m) < p.distance_m) ++fits[b];
       }
     }
     std::vector<Point2> kept;
@@ -732,9 +757,8 @@ ScanReport ParticleLocalizer::process(const LaserScan& scan) {
       scan, s.report.T_map_base.mean, s.field, s.params.inlier_distance_m,
       s.params.field.max_range_m);
   const double dt_s = std::abs(toSeconds(scan.stamp - s.last_scan));
-  const double keep = s.first_scan ? 0.0 : std::exp(-dt_s / s.params.trust_time_constant_s);
   s.collectEvidence(ends, {scan.T_base_laser.x, scan.T_base_laser.y});
-  s.judge(keep);
+  s.judge(dt_s, s.first_scan);
   s.last_scan = scan.stamp;
   if (s.report.used) s.first_scan = false;
 

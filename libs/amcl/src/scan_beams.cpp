@@ -7,13 +7,14 @@ namespace vestibule::amcl {
 
 std::vector<Point2> beamEnds(
     const LaserScan& scan, double max_range_m, const Eigen::Vector3d& twist_base) {
+  const Pose2& L = scan.T_base_laser;
   std::vector<Point2> ends;
   ends.reserve(scan.ranges_m.size());
   for (std::size_t i = 0; i < scan.ranges_m.size(); ++i) {
     const auto range = static_cast<double>(scan.ranges_m[i]);
     if (!scan.valid(i) || range > max_range_m) continue;
-    const double angle = scan.angle(i);
-    Point2 end = transform(scan.T_base_laser, {range * std::cos(angle), range * std::sin(angle)});
+    const double angle = L.phi + scan.angle(i);
+    Point2 end{L.x + range * std::cos(angle), L.y + range * std::sin(angle)};
     if (scan.time_increment_s != 0.0) {
       const double t_s = static_cast<double>(i) * scan.time_increment_s;
       end = transform(expSe2(twist_base * t_s), end);

@@ -77,5 +77,56 @@ TEST(DistanceField, AMapWithoutObstaclesIsOutsideEverywhere) {
   EXPECT_DOUBLE_EQ(DistanceField(map).at({1, 1}, 7.0), 7.0);
 }
 
+TEST(DistanceField, UpdatedFieldIsThatOfTheChangedMap) {
+  constexpr int kW = 200;
+  constexpr int kH = 150;
+  RandomStream rng(11, "changes");
+  std::vector<Cell> cells(kW * kH, Cell::kFree);
+  for (Cell& cell : cells) {
+    if (rng.uniform() < 0.002) cell = Cell::kOccupied;
+  }
+  auto map = OccupancyMap::fromCells(kW, kH, 0.05, {0, 0}, cells);
+  DistanceField field(map);
+  for (int change = 0; change < 40; ++change) {
+    // A box appears or is taken away, anywhere, also at the border.
+    const int x0 = static_cast<int>(rng.uniform() * (kW - 8));
+    const int y0 = static_cast<int>(rng.uniform() * (kH - 8));
+    const Cell kind = rng.bernoulli(0.4) ? Cell::kOccupied : Cell::kFree;
+    for (int iy = y0; iy < y0 + 8; ++iy) {
+      for (int ix = x0; ix < x0 + 8; ++ix) cells[static_cast<std::size_t>(iy * kW + ix)] = kind;
+    }
+    map = OccupancyMap::fromCells(kW, kH, 0.05, {0, 0}, cells);
+    field.update(map, {x0, y0, x0 + 7, y0 + 7});
+    ASSERT_EQ(field.cells(), DistanceField(map).cells()) << "change " << change;
+  }
+}
+
+TEST(DistanceField, SeesWhatLiesInTheWay) {
+  std::vector<Cell> cells(100 * 40, Cell::kFree);
+  for (int iy = 10; iy < 40; ++iy) cells[static_cast<std::size_t>(iy * 100 + 50)] = Cell::kOccupied;
+  const auto map = OccupancyMap::fromCells(100, 40, 0.05, {0, 0}, cells);
+  const DistanceField field(map);
+  EXPECT_TRUE(field.blocked({0.5, 1.0}, {4.5, 1.2}, 0.3));
+  EXPECT_FALSE(field.blocked({0.5, 0.2}, {4.5, 0.3}, 0.3)) << "below the wall";
+  EXPECT_FALSE(field.blocked({0.5, 1.0}, {2.52, 1.1}, 0.3)) << "ends on the wall";
+}
+
+TEST(DistanceField, SlopeIsThatOfTheBilinearDistance) {
+  const auto map = OccupancyMap::fromCells(kWidth, kHeight, 0.05, {0, 0}, randomCells(0.05));
+  const DistanceField field(map);
+  constexpr double kStep = 1e-6;
+  RandomStream rng(12, "points");
+  for (int i = 0; i < 100; ++i) {
+    const Point2 p{rng.uniform(0.1, 1.7), rng.uniform(0.1, 1.0)};
+    const auto here = field.slopeAtGrid(p);
+    const auto right = field.slopeAtGrid({p.x + kStep, p.y});
+    const auto above = field.slopeAtGrid({p.x, p.y + kStep});
+    ASSERT_TRUE(here && right && above);
+    EXPECT_NEAR(here->gradient_x, (right->distance_m - here->distance_m) / kStep, 1e-4);
+    EXPECT_NEAR(here->gradient_y, (above->distance_m - here->distance_m) / kStep, 1e-4);
+  }
+  EXPECT_FALSE(field.slopeAtGrid({-0.1, 0.5}));
+}
+
 }  // namespace
 }  // namespace vestibule::grid

@@ -107,12 +107,24 @@ void SeamlessEstimator::onWheels(const WheelOdometry& wheels) {
 }
 
 void SeamlessEstimator::onFix(const GnssFix& fix) {
-  if (wasUsed(offerFix(gnss_filter_, fix, antennaInMap(fix, plane_)))) last_fix_ = fix.stamp;
+  const Eigen::Vector2d p_map_antenna = antennaInMap(fix, plane_);
+  if (!wasUsed(offerFix(gnss_filter_, fix, p_map_antenna))) return;
+  last_fix_ = fix.stamp;
+  if (!particles_ || !particles_->initialised() || !config_.amcl.gnss.enabled) return;
+  // The antenna's place on the robot is turned by where the particles face.
+  const Pose2 T_map_base = particles_->pose().mean;
+  const Point2 p_map_own = transform(T_map_base, config_.rig.p_base_antenna);
+  const Point2 p_map_base{
+      p_map_antenna.x() - (p_map_own.x - T_map_base.x),
+      p_map_antenna.y() - (p_map_own.y - T_map_base.y)};
+  const double sigma_m = fix.cov_enu ? std::sqrt(0.5 * fix.cov_enu->topLeftCorner<2, 2>().trace())
+                                     : config_.ekf.gnss.sigma_single_m;
+  particles_->process(p_map_base, sigma_m);
 }
 
 void SeamlessEstimator::seedParticles() {
   if (!manager_.particlesWanted()) {
-    particles_.reset();
+    particles_ = nullptr;
     return;
   }
   const auto seed = manager_.takeSeedRequest();
@@ -128,11 +140,12 @@ void SeamlessEstimator::seedParticles() {
       nearest = i;
     }
   }
-  if (!particles_ || nearest != active_map_) {
-    particles_ = std::make_unique<amcl::ParticleLocalizer>(
+  localizers_.resize(maps_.size());
+  if (!localizers_[nearest]) {
+    localizers_[nearest] = std::make_unique<amcl::ParticleLocalizer>(
         config_.amcl, maps_[nearest], config_.seed, &observers_);
-    active_map_ = nearest;
   }
+  particles_ = localizers_[nearest].get();
   particles_->initialise(*seed);
 }
 

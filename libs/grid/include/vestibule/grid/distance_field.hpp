@@ -8,14 +8,24 @@
 namespace vestibule::grid {
 
 /// Exact Euclidean distance to the nearest occupied cell centre, per cell [m] (OpenCV's
-/// distanceTransform with DIST_MASK_PRECISE: Felzenszwalb & Huttenlocher 2012). Immutable.
+/// distanceTransform with DIST_MASK_PRECISE: Felzenszwalb & Huttenlocher 2012).
 class DistanceField {
  public:
   explicit DistanceField(const OccupancyMap& map);
 
+  /// A rectangle of cells, the last ones included.
+  struct CellBox {
+    int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+  };
+  /// Brings the field up to date after cells of the box have changed: exactly what a new field
+  /// would be, at the cost of the part of the map that the change reaches.
+  /// \pre map has the size and place of the one the field was made for
+  void update(const OccupancyMap& map, const CellBox& changed);
+
   /// Distance at a point of the map frame [m]; `outside` beyond the grid or without any obstacle.
   [[nodiscard]] double at(const Point2& p_map, double outside_m) const;
 
+  [[nodiscard]] const Pose2& T_grid_map() const { return T_grid_map_; }
   /// The same at a point of the *grid* frame.
   [[nodiscard]] double atGrid(const Point2& p_grid, double outside_m) const;
 
@@ -57,6 +67,10 @@ class DistanceField {
   [[nodiscard]] const std::vector<float>& cells() const { return distance_m_; }
 
  private:
+  void rebuild(const OccupancyMap& map);
+  /// Tries with a window this much larger than the box; false when the change reaches beyond it.
+  bool updateWithin(const OccupancyMap& map, const CellBox& changed, int reach);
+
   std::vector<float> distance_m_;
   int width_;
   int height_;

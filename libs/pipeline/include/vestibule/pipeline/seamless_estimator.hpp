@@ -63,8 +63,10 @@ class SeamlessEstimator {
   std::vector<std::shared_ptr<const grid::OccupancyMap>> maps_;
 
   ekf::PlanarFilter gnss_filter_;  // with the odometry filter inside
-  std::unique_ptr<amcl::ParticleLocalizer> particles_;
-  std::size_t active_map_ = 0;
+  /// One per map, made when the robot first comes near it. It stays while the robot is elsewhere:
+  /// what it has learnt of its map (where walls stand in their cells) is there on the next visit.
+  std::vector<std::unique_ptr<amcl::ParticleLocalizer>> localizers_;
+  amcl::ParticleLocalizer* particles_ = nullptr;  ///< the one at work
   mode_manager::ModeManager manager_;
 
   Timestamp time_;
