@@ -48,7 +48,9 @@ TEST(Georeference, AFewBadFixesDoNotMoveIt) {
   const auto fit = fitGeoreference(pairs, 1.0);
   ASSERT_TRUE(fit);
   EXPECT_LT(distance(fit->T_map_grid.mean, kTruth), 0.1);
-  EXPECT_EQ(fit->used, 180U);
+  // Of good pairs 84 % lie near enough to count with half weight or more; of the bad ones none.
+  EXPECT_LE(fit->used, 180U);
+  EXPECT_GT(fit->used, 140U);
 }
 
 TEST(Georeference, CorrelatedFixesCountLess) {
