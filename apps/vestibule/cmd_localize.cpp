@@ -52,6 +52,24 @@ gui_headless::ReportSection runLocalize(
   s["final_lost_probability"] = rounded(result.final_lost_probability, 6);
   s["mean_inlier_share"] = rounded(result.mean_inlier_share, 6);
   s["recoveries"] = result.recoveries;
+  s["searches"] = result.searches;
+  s["searching_scans"] = result.searching_scans;
+  if (result.found_at) {
+    s["found"]["stamp"] = formatSeconds(*result.found_at);
+    s["found"]["after_m"] = rounded(result.found_after_m, 3);
+  }
+  s["final_state"] = result.final_state;
+  s["final_places"] = Json::array();
+  for (const auto& [T, weight] : result.final_places) {
+    if (weight < 0.001) continue;
+    s["final_places"].push_back(
+        {rounded(T.mean.x, 4), rounded(T.mean.y, 4), rounded(T.mean.phi, 5), rounded(weight, 4)});
+  }
+  const Eigen::Matrix3d& cov = result.final_pose.cov;
+  s["final_sigma"] = {
+      rounded(std::sqrt(cov(0, 0)), 4),
+      rounded(std::sqrt(cov(1, 1)), 4),
+      rounded(std::sqrt(cov(2, 2)), 5)};
   s["particles_mean"] = rounded(result.mean_particle_count, 1);
   s["particles_max"] = result.largest_particle_count;
   const Pose2& end = result.trajectory.back().pose;
@@ -175,7 +193,9 @@ void addLocalize(CLI::App& app, int& exit_code) {
         end.x,
         end.y,
         radToDeg(end.phi),
-        result.trusted_at_end ? "trusted" : "LOST: the scans do not fit the map there",
+        result.trusted_at_end            ? "trusted"
+        : result.final_state == "unsure" ? "NOT SURE: it may also be elsewhere, see final_places"
+                                         : "LOST: the scans do not fit the map there",
         output.pathOf("report.html").c_str());
     exit_code = result.trusted_at_end ? kDone : kFailedPurpose;
   });

@@ -107,6 +107,15 @@ void RunRecorder::onParticles(const ParticlesEvent& event) {
   if (snapshots_.next()) snapshots_.keep(*last_snapshot_, limits_.max_snapshots);
 }
 
+void RunRecorder::onPlaces(const PlacesEvent& event) {
+  see(event.stamp);
+  if (places_events_.size() < limits_.max_events) {
+    places_events_.push_back(event);
+  } else {
+    ++events_not_kept_;
+  }
+}
+
 void RunRecorder::onMode(const ModeEvent& event) {
   see(event.stamp);
   if (mode_events_.size() < limits_.max_events) {

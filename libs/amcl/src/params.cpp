@@ -79,10 +79,7 @@ void describe(ParamIo& io, Kld& p) {
 
 void describe(ParamIo& io, RecoveryParams& p) {
   io.optional("after_scans", p.after_scans, within(1, 1e6));
-  io.optional("sigma_m", p.sigma_m, positive());
-  io.optionalDegrees("sigma_deg", p.sigma_rad, positive());
-  io.optional("growth", p.growth, {1.0, 10.0});
-  io.optional("max_sigma_m", p.max_sigma_m, positive());
+  io.optional("max_blocked_share", p.max_blocked_share, within(0.0, 1.0));
 }
 
 void describe(ParamIo& io, AmclParams& p) {
@@ -94,6 +91,7 @@ void describe(ParamIo& io, AmclParams& p) {
   io.section("gnss", p.gnss);
   io.section("kld", p.kld);
   io.section("recovery", p.recovery);
+  io.section("global", p.global);
   io.optional("update_min_d_m", p.update_min_d_m, nonNegative());
   io.optionalDegrees("update_min_a_deg", p.update_min_a_rad, nonNegative());
   io.optional("update_max_s", p.update_max_s, positive());

@@ -666,8 +666,8 @@ void ParticleLocalizer::initialise(const std::vector<PoseMode>& modes) {
   double weight_so_far = 0.0;
   for (const PoseMode& mode : modes) {
     weight_so_far += mode.weight;
-    const auto end = static_cast<std::size_t>(
-        std::llround(static_cast<double>(n) * weight_so_far / weight_sum));
+    const auto end =
+        static_cast<std::size_t>(std::llround(static_cast<double>(n) * weight_so_far / weight_sum));
     const PoseWithCovariance T_grid_base =
         compose(inverse(impl_->map->T_map_grid()), mode.T_map_base);
     Impl::fill(impl_->particles, next, end, n, T_grid_base, impl_->stream("amcl-init"));

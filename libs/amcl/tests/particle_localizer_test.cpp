@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "matchers.hpp"
-#include "vestibule/amcl/recovery_ladder.hpp"
 #include "vestibule/core/random.hpp"
 
 namespace vestibule::amcl {
@@ -122,26 +121,6 @@ TEST(ParticleLocalizer, SaysWhenTheScansDoNotFit) {
   for (int i = 0; i < 15; ++i) drive.step(localizer);
   // THEN the estimate is not trusted
   EXPECT_FALSE(localizer.lastReport().trusted) << localizer.lastReport().trust;
-}
-
-TEST(RecoveryLadder, AStartPoseThatIsFarOffIsPutRight) {
-  // GIVEN a start pose that is 0.6 m and 60 degrees wrong
-  Drive drive{room(), {3.0, 2.0, 0.3}};
-  ParticleLocalizer localizer({}, drive.map, 4);
-  const Pose2 wrong{2.6, 2.4, 0.3 + degToRad(60.0)};
-  localizer.initialise({wrong, Eigen::Vector3d(0.06, 0.06, 0.02).asDiagonal()});
-  RecoveryLadder ladder({}, localizer, wrong);
-  // WHEN the robot drives on
-  for (int i = 0; i < 60; ++i) {
-    drive.step(localizer);
-    WheelOdometry odometry;
-    odometry.T_previous_now = expSe2({0.103, 0.0, 0.0206});
-    ladder.process(odometry);
-    ladder.process(LaserScan{}, localizer.lastReport());
-  }
-  // THEN it is found
-  EXPECT_THAT(localizer.pose().mean, poseNear(drive.truth, 0.08, degToRad(1.5)));
-  EXPECT_TRUE(localizer.lastReport().trusted);
 }
 
 TEST(ParticleLocalizer, SameSeedSameParticlesWithAndWithoutObservers) {

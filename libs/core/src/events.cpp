@@ -73,6 +73,9 @@ void Observers::emit(const UpdateEvent& event) const {
 void Observers::emit(const ParticlesEvent& event) const {
   for (Observer* observer : observers_) observer->onParticles(event);
 }
+void Observers::emit(const PlacesEvent& event) const {
+  for (Observer* observer : observers_) observer->onPlaces(event);
+}
 void Observers::emit(const ModeEvent& event) const {
   for (Observer* observer : observers_) observer->onMode(event);
 }

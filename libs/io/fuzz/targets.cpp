@@ -1,8 +1,10 @@
 #include "targets.hpp"
 
+#include "cdr.hpp"
 #include "map_yaml.hpp"
 #include "readers.hpp"
 #include "vestibule/core/errors.hpp"
+#include "wean_map.hpp"
 
 namespace vestibule::io::fuzz {
 namespace {
@@ -51,6 +53,31 @@ void readCsv(const std::string& bytes) {
 
 void readMapYaml(const std::string& bytes) {
   survive([&] { (void)parseMapYaml(bytes, "fuzz.yaml"); });
+}
+
+namespace {
+
+template <class Message>
+void decodeAs(const std::string& bytes) {
+  try {
+    Message message;
+    decodeCdr(bytes, message);
+  } catch (const std::runtime_error&) {
+  }
+}
+
+}  // namespace
+
+void readCdr(const std::string& bytes) {
+  decodeAs<sensor_msgs::NavSatFix>(bytes);
+  decodeAs<sensor_msgs::Imu>(bytes);
+  decodeAs<nav_msgs::Odometry>(bytes);
+  decodeAs<sensor_msgs::LaserScan>(bytes);
+  decodeAs<tf2_msgs::TFMessage>(bytes);
+}
+
+void readWeanMapBytes(const std::string& bytes) {
+  survive([&] { (void)readWeanMap(openMemory(bytes, "fuzz.dat")); });
 }
 
 }  // namespace vestibule::io::fuzz

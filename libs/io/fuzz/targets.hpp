@@ -9,5 +9,7 @@ namespace vestibule::io::fuzz {
 void readCarmen(const std::string& bytes);
 void readCsv(const std::string& bytes);
 void readMapYaml(const std::string& bytes);
+void readCdr(const std::string& bytes);  ///< as each of the messages that are read
+void readWeanMapBytes(const std::string& bytes);
 
 }  // namespace vestibule::io::fuzz

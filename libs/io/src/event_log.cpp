@@ -99,6 +99,18 @@ void EventLog::onParticles(const ParticlesEvent& event) {
   out_ << line.line();
 }
 
+void EventLog::onPlaces(const PlacesEvent& event) {
+  JsonLine line(event.stamp, "places");
+  line.add("state", event.state)
+      .add("searches", static_cast<long long>(event.searches))
+      .add("places", static_cast<long long>(event.places.size()));
+  if (!event.places.empty()) {
+    const auto& [T, weight] = event.places.front();
+    line.add("x", T.x).add("y", T.y).add("yaw", T.phi).add("weight", weight);
+  }
+  out_ << line.line();
+}
+
 void EventLog::onMode(const ModeEvent& event) {
   JsonLine line(event.stamp, "mode");
   line.add("from", toString(event.from))

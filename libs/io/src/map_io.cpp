@@ -13,6 +13,7 @@
 #include "map_yaml.hpp"
 #include "mrpt_object.hpp"
 #include "vestibule/core/errors.hpp"
+#include "wean_map.hpp"
 
 namespace vestibule::io {
 
@@ -146,8 +147,11 @@ grid::OccupancyMap loadMap(const std::string& path) {
     grid.loadFromSimpleMap(simple_map);
     return fromMrptGrid(grid);
   }
+  if (endsWith(path, ".dat") || endsWith(path, ".dat.gz")) return readWeanMap(openFile(path));
   throw InputError(
-      path + ": unknown kind of map; give a map_server .yaml, .simplemap[.gz] or .gridmap[.gz]");
+      path +
+      ": unknown kind of map; give a map_server .yaml, .simplemap[.gz], .gridmap[.gz] or the "
+      ".dat[.gz] of the Wean Hall recordings");
 }
 
 void saveMapServer(

@@ -16,6 +16,8 @@ namespace vestibule::io {
     std::unique_ptr<ByteStream> stream, const RecordingOptions& options);
 [[nodiscard]] std::unique_ptr<RecordingReader> openBag(
     const std::string& path, const RecordingOptions& options);
+[[nodiscard]] std::unique_ptr<RecordingReader> openRos2Bag(
+    const std::string& path, const RecordingOptions& options);
 [[nodiscard]] std::unique_ptr<RecordingReader> openCsv(
     std::unique_ptr<ByteStream> stream, const CsvMapping& mapping, const SensorRig& rig);
 [[nodiscard]] std::optional<Trajectory> readCsvReference(

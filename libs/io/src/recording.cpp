@@ -11,7 +11,7 @@
 namespace vestibule::io {
 namespace {
 
-enum class Format { kRawlog, kCarmen, kBag, kCsv };
+enum class Format { kRawlog, kCarmen, kBag, kRos2Bag, kCsv };
 
 constexpr std::string_view kBagMagic = "#ROSBAG V";
 constexpr std::string_view kSqliteMagic = "SQLite format 3";
@@ -41,17 +41,15 @@ std::string readHead(ByteStream& stream) {
 
 Format formatOf(const std::string& path, std::string_view head) {
   if (startsWith(head, kBagMagic)) return Format::kBag;
-  if (startsWith(head, kSqliteMagic)) {
-    throw InputError(
-        path + ": a ROS 2 sqlite3 bag; convert it to a ROS 1 bag first (rosbags-convert)");
-  }
+  if (startsWith(head, kSqliteMagic)) return Format::kRos2Bag;
   if (looksLikeRawlog(head)) return Format::kRawlog;
   if (hasExtension(path, ".csv")) return Format::kCsv;
   if (looksLikeCarmen(head)) return Format::kCarmen;
   // The name says what it should have been: a better message than "unknown format".
-  constexpr std::array<std::pair<std::string_view, std::string_view>, 4> kExpected{{
+  constexpr std::array<std::pair<std::string_view, std::string_view>, 5> kExpected{{
       {".rawlog", "an MRPT rawlog (no MRPT object at its start)"},
       {".bag", "a ROS 1 bag (no '#ROSBAG V2.0' at its start)"},
+      {".db3", "a ROS 2 bag (no 'SQLite format 3' at its start)"},
       {".log", "a CARMEN log (its first line has no keyword such as FLASER or ODOM)"},
       {".clf", "a CARMEN log (its first line has no keyword such as FLASER or ODOM)"},
   }};
@@ -64,7 +62,7 @@ Format formatOf(const std::string& path, std::string_view head) {
   }
   throw InputError(
       path + ": unknown format, starts with " + quoted(head.substr(0, 24)) +
-      "; readable are MRPT .rawlog, CARMEN .log/.clf, ROS 1 .bag and .csv");
+      "; readable are MRPT .rawlog, CARMEN .log/.clf, ROS 1 .bag, ROS 2 .db3 and .csv");
 }
 
 std::vector<std::string> mappingFiles(const std::string& folder) {
@@ -118,6 +116,8 @@ std::unique_ptr<RecordingReader> openRecording(
       return openCarmen(std::move(stream), options);
     case Format::kBag:
       return openBag(path, options);
+    case Format::kRos2Bag:
+      return openRos2Bag(path, options);
     case Format::kCsv:
       break;
   }

@@ -28,6 +28,8 @@ void feed(const std::string& name, void (*parser)(const std::string&)) {
 
 TEST(Corpus, Carmen) { feed("carmen", fuzz::readCarmen); }
 TEST(Corpus, Csv) { feed("csv", fuzz::readCsv); }
+TEST(Corpus, Cdr) { feed("cdr", fuzz::readCdr); }
+TEST(Corpus, WeanMap) { feed("wean_map", fuzz::readWeanMapBytes); }
 TEST(Corpus, MapYaml) { feed("map_yaml", fuzz::readMapYaml); }
 
 }  // namespace

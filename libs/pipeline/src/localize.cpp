@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "vestibule/amcl/particle_localizer.hpp"
-#include "vestibule/amcl/recovery_ladder.hpp"
+#include "vestibule/amcl/localizer.hpp"
 #include "vestibule/core/errors.hpp"
 #include "vestibule/ekf/filter.hpp"
 
@@ -58,22 +57,21 @@ LocalizeResult localize(
     const Observers& observers,
     const Progress& progress) {
   const auto reader = io::openRecording(recording_path, recording_options);
-  amcl::ParticleLocalizer localizer(config.amcl, map, config.seed, &observers);
+  amcl::Localizer localizer(config.amcl, map, config.seed, &observers);
   if (T_map_base_init) {
     const Eigen::Matrix3d cov = Eigen::Vector3d(
                                     kInitSigma_m * kInitSigma_m,
                                     kInitSigma_m * kInitSigma_m,
                                     kInitSigma_rad * kInitSigma_rad)
                                     .asDiagonal();
-    localizer.initialise({*T_map_base_init, cov});
+    localizer.startAt({*T_map_base_init, cov});
   } else {
-    localizer.initialiseGlobally();
+    localizer.startAnywhere();
   }
-
-  amcl::RecoveryLadder recovery(config.amcl, localizer, T_map_base_init, &observers);
 
   LocalizeResult result;
   std::size_t odometry_count = 0;
+  double odometry_m = 0.0;
   std::size_t trusted_count = 0;
   double inlier_sum = 0.0;
   double particle_sum = 0.0;
@@ -85,18 +83,22 @@ LocalizeResult localize(
     if (const auto* wheels = std::get_if<WheelOdometry>(&record->measurement)) {
       const WheelOdometry odometry = odometry_source.process(*wheels);
       localizer.process(odometry, odometry_source.yawSource());
-      recovery.process(odometry);
+      odometry_m += translationNorm(odometry.T_previous_now);
       ++odometry_count;
     } else if (const auto* imu = std::get_if<Imu>(&record->measurement)) {
       odometry_source.process(*imu);
     } else if (const auto* scan = std::get_if<LaserScan>(&record->measurement)) {
       const amcl::ScanReport report = localizer.process(*scan);
       const Pose2 T_map_base = report.T_map_base.mean;  // at the scan's stamp
-      recovery.process(*scan, report);
       if (!result.trajectory.empty()) {
         result.distance_m += distance(result.trajectory.back().pose, T_map_base);
       }
       result.trajectory.push_back({scan->stamp, T_map_base});
+      if (!localizer.searching() && result.searching_scans + 1 == result.trajectory.size()) {
+        result.found_after_m = odometry_m;
+        result.found_at = scan->stamp;
+      }
+      if (localizer.searching()) ++result.searching_scans;
       if (report.used) {
         ++result.scans_used;
         particle_sum += static_cast<double>(report.particles);
@@ -113,7 +115,9 @@ LocalizeResult localize(
       progress(reader->progress(), toSeconds(scan->stamp - *first));
     }
   }
-  result.recoveries = recovery.tries();
+  result.recoveries = localizer.recoveries();
+  result.searches = localizer.searches();
+  result.final_state = std::string(amcl::toString(localizer.state()));
   result.notes = reader->notes();
   if (result.trajectory.empty()) {
     throw InputError(
@@ -123,6 +127,10 @@ LocalizeResult localize(
     throw InputError(
         recording_path +
         ": no wheel odometry in it, which localization needs (see vestibule info)");
+  }
+  result.final_pose = localizer.pose();
+  for (const amcl::Place& place : localizer.places()) {
+    result.final_places.emplace_back(place.T_map_base, place.weight);
   }
   const auto n = static_cast<double>(result.trajectory.size());
   result.trusted_share = static_cast<double>(trusted_count) / n;

@@ -111,6 +111,7 @@ class RunRecorder : public Observer {
   void onPose(const PoseEvent& event) override;
   void onUpdate(const UpdateEvent& event) override;
   void onParticles(const ParticlesEvent& event) override;
+  void onPlaces(const PlacesEvent& event) override;
   void onMode(const ModeEvent& event) override;
   void onMission(const MissionEvent& event) override;
   void onWarning(const WarningEvent& event) override;
@@ -133,6 +134,8 @@ class RunRecorder : public Observer {
   }
   [[nodiscard]] const std::map<std::string, SensorUpdates>& updates() const { return updates_; }
   [[nodiscard]] const std::vector<ModeEvent>& modeEvents() const { return mode_events_; }
+  /// What the searches of the map said, in order.
+  [[nodiscard]] const std::vector<PlacesEvent>& placesEvents() const { return places_events_; }
   [[nodiscard]] const std::vector<MissionEvent>& missionEvents() const { return mission_events_; }
   [[nodiscard]] const std::vector<WarningSummary>& warnings() const { return warnings_; }
   /// Mode events, mission events and kinds of warnings beyond the limits.
@@ -161,6 +164,7 @@ class RunRecorder : public Observer {
   Thinned<ParticleSample> particle_samples_;
   std::map<std::string, SensorUpdates> updates_;
   std::vector<ModeEvent> mode_events_;
+  std::vector<PlacesEvent> places_events_;
   std::vector<MissionEvent> mission_events_;
   std::vector<WarningSummary> warnings_;
   std::size_t events_not_kept_ = 0;

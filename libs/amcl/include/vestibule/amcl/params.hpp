@@ -1,5 +1,6 @@
 #pragma once
 
+#include "vestibule/amcl/global_params.hpp"
 #include "vestibule/core/angles.hpp"
 #include "vestibule/core/params.hpp"
 
@@ -82,13 +83,10 @@ struct Kld {
   double bin_rad = degToRad(5.0);
 };
 
-/// Searching again when the scans do not fit.
+/// Searching the map again when the scans do not fit.
 struct RecoveryParams {
-  int after_scans = 8;                ///< used scans in a row that do not fit
-  double sigma_m = 0.7;               ///< of the first search around the expected pose
-  double sigma_rad = degToRad(40.0);  ///< of the same
-  double growth = 2.0;                ///< of both at each further try
-  double max_sigma_m = 3.0;           ///< beyond it the whole map is searched
+  int after_scans = 8;              ///< used scans in a row that do not fit
+  double max_blocked_share = 0.25;  ///< more beams through what is mapped than this: does not fit
 };
 
 /// GNSS fixes as one more term of the particles' weights, where a map is georeferenced.
@@ -107,6 +105,7 @@ struct AmclParams {
   GnssTerm gnss;
   Kld kld;
   RecoveryParams recovery;
+  GlobalParams global;
   double update_min_d_m = 0.08;             ///< a scan is used after this much motion ...
   double update_min_a_rad = degToRad(3.0);  ///< ... or turn
   double update_max_s = 1.0;                ///< ... or time, so that standing still converges

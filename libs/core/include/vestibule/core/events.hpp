@@ -62,6 +62,14 @@ struct ParticlesEvent {
   std::vector<Point2> p_map_unmapped;  ///< beam ends far from every mapped obstacle
 };
 
+/// Where a search of the map says the robot may be.
+struct PlacesEvent {
+  Timestamp stamp;
+  std::string state;                             ///< "nowhere", "unsure", "sure"
+  std::vector<std::pair<Pose2, double>> places;  ///< T_map_base and weight, best first
+  int searches = 0;                              ///< of the map, so far
+};
+
 /// A change of authority, with the numbers behind it.
 struct ModeEvent {
   Timestamp stamp;
@@ -102,6 +110,7 @@ class Observer {
   virtual void onPose(const PoseEvent& /*event*/) {}
   virtual void onUpdate(const UpdateEvent& /*event*/) {}
   virtual void onParticles(const ParticlesEvent& /*event*/) {}
+  virtual void onPlaces(const PlacesEvent& /*event*/) {}
   virtual void onMode(const ModeEvent& /*event*/) {}
   virtual void onMission(const MissionEvent& /*event*/) {}
   virtual void onWarning(const WarningEvent& /*event*/) {}
@@ -116,6 +125,7 @@ class Observers {
   void emit(const PoseEvent& event) const;
   void emit(const UpdateEvent& event) const;
   void emit(const ParticlesEvent& event) const;
+  void emit(const PlacesEvent& event) const;
   void emit(const ModeEvent& event) const;
   void emit(const MissionEvent& event) const;
   void emit(const WarningEvent& event) const;

@@ -16,6 +16,7 @@ class EventLog : public Observer {
 
   void onUpdate(const UpdateEvent& event) override;
   void onParticles(const ParticlesEvent& event) override;
+  void onPlaces(const PlacesEvent& event) override;
   void onMode(const ModeEvent& event) override;
   void onMission(const MissionEvent& event) override;
   void onWarning(const WarningEvent& event) override;

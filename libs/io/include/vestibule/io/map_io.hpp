@@ -19,8 +19,9 @@ struct MapGeoreference {
 
 /// Loads a prebuilt map by its file name: map_server .yaml/.yml (PNG, PGM, BMP image; modes
 /// trinary, scale and raw; negate; thresholds; origin with yaw), MRPT .gridmap[.gz], MRPT
-/// .simplemap[.gz] (its scans inserted at 0.05 m). Throws ConfigError with file:line for a problem
-/// in a map YAML, InputError for a missing or unreadable image or MRPT file.
+/// .simplemap[.gz] (its scans inserted at 0.05 m), .dat[.gz] of the Wean Hall recordings. Throws
+/// ConfigError with file:line for a problem in a map YAML, InputError for a missing or unreadable
+/// image, MRPT or .dat file.
 [[nodiscard]] grid::OccupancyMap loadMap(const std::string& path);
 
 /// Writes a map_server map: YAML and an 8-bit PGM in trinary coding (0 occupied, 205 unknown, 254

@@ -44,7 +44,7 @@ class RecordingReader {
   [[nodiscard]] virtual double progress() const = 0;
   /// What the reader met and survived so far, one text per kind with its count.
   [[nodiscard]] virtual std::vector<std::string> notes() const = 0;
-  /// "MRPT rawlog", "CARMEN log", "ROS 1 bag", "CSV".
+  /// "MRPT rawlog", "CARMEN log", "ROS 1 bag", "ROS 2 bag", "CSV".
   [[nodiscard]] virtual std::string format() const = 0;
   /// Sensor mounting as far as known by now: what the recording carries (poses beside the scans,
   /// tf_static, sensor poses), else RecordingOptions::rig. Read it after the measurement it is for.
@@ -52,7 +52,7 @@ class RecordingReader {
 };
 
 /// Opens a recording by its content: MRPT .rawlog (plain or gz; observations or actions and sensory
-/// frames), CARMEN .log/.clf and Wean-Hall logs (plain, gz, bz2), ROS 1 .bag, CSV.
+/// frames), CARMEN .log/.clf and Wean-Hall logs (plain, gz, bz2), ROS 1 .bag, ROS 2 .db3 (sqlite3), CSV.
 /// MRPT stamps have 100 ns ticks; all other formats keep nanoseconds.
 /// Throws InputError for a missing, empty or unknown file, ConfigError for a bad column mapping.
 [[nodiscard]] std::unique_ptr<RecordingReader> openRecording(

@@ -3,6 +3,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "vestibule/core/events.hpp"
@@ -24,6 +25,15 @@ struct LocalizeResult {
   double final_lost_probability = 0.0;
   bool trusted_at_end = false;
   int recoveries = 0;  ///< searches because the scans did not fit
+  int searches = 0;    ///< of the whole map
+  /// Scans during which the pose was only the likeliest of the candidates.
+  std::size_t searching_scans = 0;
+  std::optional<Timestamp> found_at;  ///< first pose that is meant
+  double found_after_m = 0.0;         ///< driven until then
+  std::string final_state;            ///< "sure", "unsure" (several places fit), "nowhere"
+  PoseWithCovariance final_pose;
+  /// Where the robot may be at the end, with weights, best first.
+  std::vector<std::pair<PoseWithCovariance, double>> final_places;
   std::size_t largest_particle_count = 0;
   double mean_particle_count = 0.0;
   double data_s = 0.0;      ///< largest minus smallest stamp

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "vestibule/amcl/global_localizer.hpp"
+#include "vestibule/amcl/params.hpp"
+#include "vestibule/amcl/particle_localizer.hpp"
+
+namespace vestibule::amcl {
+
+/// Localization in a prior map that knows whether it knows: the particles track a known pose; when
+/// there is none, or when the scans have not fitted it for a while, GlobalLocalizer searches until
+/// one place is left and hands it to the particles. The particles go on meanwhile: a crowd that has
+/// passed needs no search. For a robot that has nothing but the map; with GNSS the mode manager
+/// seeds the particles.
+class Localizer {
+ public:
+  /// \param observers may be null; receives what ParticleLocalizer emits, a PlacesEvent per scan
+  ///   that counts in a search, and a WarningEvent when a search begins
+  Localizer(
+      const AmclParams& params,
+      std::shared_ptr<const grid::OccupancyMap> map,
+      std::uint64_t seed,
+      const Observers* observers = nullptr);
+  ~Localizer();
+
+  void startAt(const PoseWithCovariance& T_map_base);
+  /// \param prior what is known all the same (GNSS, compass, last pose)
+  void startAnywhere(const std::optional<grid::PosePrior>& prior = {});
+
+  void process(const WheelOdometry& odometry, YawSource yaw_source = YawSource::kWheels);
+  /// \pre started. While searching the report is not trusted and has the pose and the shares of the
+  /// best place.
+  ScanReport process(const LaserScan& scan);
+
+  /// Not sure where the robot is: pose() is the likeliest place and may be wrong.
+  [[nodiscard]] bool searching() const;
+  [[nodiscard]] PlaceState state() const;  ///< kSure while the particles track
+  /// The candidates, best first; one with weight 1 while the particles track.
+  [[nodiscard]] std::vector<Place> places() const;
+  /// While searching its covariance covers all candidates.
+  [[nodiscard]] PoseWithCovariance pose() const;
+  [[nodiscard]] int recoveries() const;  ///< searches because the scans did not fit
+  [[nodiscard]] int searches() const;    ///< of the map, all together
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace vestibule::amcl

@@ -1,0 +1,432 @@
+#include "vestibule/amcl/global_localizer.hpp"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <set>
+
+#include "scan_fit.hpp"
+#include "vestibule/core/parallel.hpp"
+#include "vestibule/grid/score_field.hpp"
+
+namespace vestibule::amcl {
+namespace {
+
+constexpr std::size_t kEndsPerKey = 90;
+constexpr std::size_t kMinEnds = 12;      // fewer tell nothing
+constexpr double kEndSpacing_m = 0.08;    // of the ends kept for the evidence
+constexpr double kPointSpacing_m = 0.25;  // of the points that are searched with
+// What odometry is good for between two keys, one sigma.
+constexpr double kOdometrySigma_m = 0.03;
+constexpr double kOdometrySigmaPerM = 0.08;
+constexpr double kOdometrySigma_rad = degToRad(1.5);
+constexpr double kOdometrySigmaPerRad = 0.10;
+// A place this much less likely than the best is forgotten; the next search may find it again.
+constexpr double kForgetBelow = 40.0;
+constexpr std::size_t kMaxPlaces = 60;
+// Points of the last so many metres make up a search: odometry bends longer drives too much.
+constexpr double kSearchSpan_m = 3.0;
+// Places with a smaller share of inliers are none.
+constexpr double kHopelessInliers = 0.3;
+// Shares of fitting beams that differ by less say the same.
+constexpr double kFitsAsWell = 0.03;
+// Two places nearer than this are one.
+constexpr double kSame_m = 0.35;
+constexpr double kSame_rad = degToRad(12.0);
+// The score that a prior can cost in the search, where it only ranks places.
+constexpr double kPriorScorePerNis = 0.002;
+
+/// A scan that counts.
+struct Key {
+  std::vector<Point2> ends_base;
+  std::vector<double> news;  // how much each end adds to what earlier keys have seen
+  Point2 p_base_laser;
+  Pose2 T_odom_base;
+};
+
+/// A place with its evidence, key by key.
+struct Hypothesis {
+  PoseWithCovariance T_map_base;  // at the newest key
+  std::vector<ScanFit> fits;      // one per key
+  std::vector<double> strain;     // half the squared Mahalanobis distance to odometry, per key
+  double log_evidence = 0.0;
+  double inlier_share = 0.0;
+  double blocked_share = 0.0;
+};
+
+Eigen::Matrix3d odometryInformation(const Pose2& T_before_after) {
+  const double sigma_m = kOdometrySigma_m + kOdometrySigmaPerM * translationNorm(T_before_after);
+  const double sigma_rad = kOdometrySigma_rad + kOdometrySigmaPerRad * std::abs(T_before_after.phi);
+  return Eigen::Vector3d(
+             1.0 / (sigma_m * sigma_m), 1.0 / (sigma_m * sigma_m), 1.0 / (sigma_rad * sigma_rad))
+      .asDiagonal();
+}
+
+double mahalanobis2(const Pose2& a, const Pose2& b, const Eigen::Matrix3d& information) {
+  const Eigen::Vector3d e(a.x - b.x, a.y - b.y, angleDiff(a.phi, b.phi));
+  return e.dot(information * e);
+}
+
+bool same(const Pose2& a, const Pose2& b) {
+  return distance(a, b) < kSame_m && std::abs(angleDiff(a.phi, b.phi)) < kSame_rad;
+}
+
+}  // namespace
+
+struct GlobalLocalizer::Impl {
+  GlobalParams params;
+  std::shared_ptr<const grid::OccupancyMap> map;
+  ScanFitter fitter;
+  grid::ScoreField field;
+  grid::BaseMask free_space;
+  grid::BranchAndBoundMatcher matcher;
+
+  std::optional<grid::PosePrior> prior;    // of the pose at start
+  std::optional<grid::SearchWindow> zone;  // of the pose at start
+  Pose2 T_odom_base;                       // odom: the pose at start
+  std::vector<Key> keys;
+  std::map<std::pair<long, long>, int> views;  // of squares of surface, in odom
+  std::vector<Hypothesis> hypotheses;          // best first
+  double travelled_m = 0.0;
+  double searched_at_m = 0.0;
+  double next_search_m = 0.0;  // of travel after the last one
+  int searches = 0;
+  int counted = 0;  // keys since start
+
+  Impl(const GlobalParams& p, std::shared_ptr<const grid::OccupancyMap> m)
+      : params(p),
+        map(std::move(m)),
+        fitter(params, *map),
+        field(grid::ScoreField::fromDistances(
+            *map, fitter.distances(), params.sigma_m, params.cell_m, params.max_range_m)),
+        free_space(grid::BaseMask::freeSpace(field, *map)),
+        matcher(params.search) {}
+
+  void addKey(const LaserScan& scan, std::vector<Point2> ends) {
+    if (keys.size() == static_cast<std::size_t>(params.max_keys)) {
+      keys.erase(keys.begin());
+      for (Hypothesis& h : hypotheses) {
+        h.fits.erase(h.fits.begin());
+        h.strain.erase(h.strain.begin());
+      }
+    }
+    const Pose2 step = keys.empty() ? Pose2{} : between(keys.back().T_odom_base, T_odom_base);
+    std::vector<double> news = newsOf(ends);
+    keys.push_back(
+        {std::move(ends),
+         std::move(news),
+         {scan.T_base_laser.x, scan.T_base_laser.y},
+         T_odom_base});
+    ++counted;
+    parallelFor(hypotheses.size(), threadCount(params.search.threads), [&](std::size_t i) {
+      extend(hypotheses[i], step);
+    });
+  }
+
+  /// Counts the views of every square of surface.
+  std::vector<double> newsOf(const std::vector<Point2>& ends) {
+    std::vector<double> news;
+    for (const Point2& end : ends) {
+      const Point2 p = transform(T_odom_base, end);
+      const double n =
+          ++views[{std::lround(p.x / params.surface_m), std::lround(p.y / params.surface_m)}];
+      news.push_back(1.0 / (n * n));
+    }
+    return news;
+  }
+
+  /// One more key at the newer end.
+  void extend(Hypothesis& h, const Pose2& step) const {
+    const Pose2 predicted = compose(h.T_map_base.mean, step);
+    hold(h, keys.size() - 1, predicted, odometryInformation(step), true);
+  }
+
+  /// Refines the pose of one key about where odometry puts it and notes the evidence.
+  Pose2 hold(
+      Hypothesis& h,
+      std::size_t key,
+      const Pose2& predicted,
+      const Eigen::Matrix3d& information,
+      bool newest) const {
+    const Key& k = keys[key];
+    const PoseWithCovariance T = fitter.refined(k.ends_base, predicted, information);
+    const ScanFit fit = fitter.fit(k.ends_base, k.news, k.p_base_laser, T.mean);
+    const double strain = 0.5 * mahalanobis2(T.mean, predicted, information);
+    if (newest) {
+      h.T_map_base = T;
+      h.fits.push_back(fit);
+      h.strain.push_back(strain);
+    } else {
+      h.fits[key] = fit;
+      h.strain[key] = strain;
+    }
+    return T.mean;
+  }
+
+  /// A place found just now, held against all keys from the newest to the oldest.
+  [[nodiscard]] Hypothesis judged(const Pose2& T_map_base) const {
+    Hypothesis h;
+    h.fits.resize(keys.size());
+    h.strain.resize(keys.size());
+    const std::size_t newest = keys.size() - 1;
+    // Found on a lattice: the scan alone says where exactly.
+    const PoseWithCovariance T =
+        fitter.refined(keys[newest].ends_base, T_map_base, Eigen::Matrix3d::Zero());
+    Pose2 T_here = T.mean;
+    // A refinement that leads away from the place has found another one; keep to the place.
+    if (!same(T_here, T_map_base)) T_here = T_map_base;
+    h.T_map_base = {T_here, T.cov};
+    h.fits[newest] = fitter.fit(
+        keys[newest].ends_base, keys[newest].news, keys[newest].p_base_laser, h.T_map_base.mean);
+    for (std::size_t key = newest; key-- > 0;) {
+      const Pose2 back = between(keys[key + 1].T_odom_base, keys[key].T_odom_base);
+      T_here = hold(h, key, compose(T_here, back), odometryInformation(back), false);
+    }
+    return h;
+  }
+
+  /// Points of what the last keys saw, in the present base frame, spread evenly.
+  [[nodiscard]] std::vector<Point2> searchPoints() const {
+    std::vector<Point2> spread;
+    std::set<std::pair<long, long>> taken;
+    double back_m = 0.0;
+    for (std::size_t key = keys.size(); key-- > 0 && back_m < kSearchSpan_m;) {
+      if (key + 1 < keys.size())
+        back_m += distance(keys[key].T_odom_base, keys[key + 1].T_odom_base);
+      const Pose2 T_base_key = between(T_odom_base, keys[key].T_odom_base);
+      for (const Point2& end : keys[key].ends_base) {
+        const Point2 p = transform(T_base_key, end);
+        if (std::hypot(p.x, p.y) > params.max_range_m) continue;
+        const std::pair<long, long> cell{
+            std::lround(p.x / kPointSpacing_m), std::lround(p.y / kPointSpacing_m)};
+        if (taken.insert(cell).second) spread.push_back(p);
+      }
+    }
+    const auto n = static_cast<std::size_t>(params.points);
+    if (spread.size() <= n) return spread;
+    std::vector<Point2> chosen;
+    for (std::size_t i = 0; i < n; ++i) chosen.push_back(spread[i * spread.size() / n]);
+    return chosen;
+  }
+
+  /// The zone, widened by the way driven since.
+  [[nodiscard]] grid::SearchWindow window() const {
+    if (!zone) return grid::wholeField(field);
+    grid::SearchWindow window = *zone;
+    window.T_map_centre.phi = wrapToPi(window.T_map_centre.phi + T_odom_base.phi);
+    window.half_x_m += travelled_m;
+    window.half_y_m += travelled_m;
+    return window;
+  }
+
+  void search() {
+    ++searches;
+    searched_at_m = travelled_m;
+    next_search_m =
+        searches == 1 ? params.first_search_m : std::min(2.0 * next_search_m, params.max_search_m);
+    // The prior ranks the places of a first search, while it speaks of the same pose.
+    std::optional<grid::PosePrior> ranking;
+    if (prior && travelled_m == 0.0) ranking = prior;
+    if (ranking) ranking->weight = kPriorScorePerNis;
+    const auto found = matcher.match(field, searchPoints(), window(), &free_space, ranking);
+    std::vector<Hypothesis> fresh(found.size());
+    parallelFor(found.size(), threadCount(params.search.threads), [&](std::size_t i) {
+      fresh[i] = judged(found[i].T_map_base);
+    });
+    for (Hypothesis& h : fresh) hypotheses.push_back(std::move(h));
+  }
+
+  /// Sums the evidence, best first; what is a double of a better one or hopeless goes.
+  void rank() {
+    for (Hypothesis& h : hypotheses) {
+      h.log_evidence = 0.0;
+      h.inlier_share = 0.0;
+      h.blocked_share = 0.0;
+      const auto n = static_cast<double>(h.fits.size());
+      for (std::size_t k = 0; k < h.fits.size(); ++k) {
+        h.log_evidence += h.fits[k].log_likelihood - h.strain[k];
+        h.inlier_share += h.fits[k].inlier_share / n;
+        h.blocked_share += h.fits[k].blocked_share / n;
+      }
+      if (prior) {
+        h.log_evidence -= 0.5 * std::min(
+                                    mahalanobis2(atStart(h), prior->T_map_base, prior->information),
+                                    prior->max_d2);
+      }
+    }
+    std::stable_sort(
+        hypotheses.begin(), hypotheses.end(), [](const Hypothesis& a, const Hypothesis& b) {
+          return a.log_evidence > b.log_evidence;
+        });
+    std::vector<Hypothesis> kept;
+    for (Hypothesis& h : hypotheses) {
+      if (kept.size() == kMaxPlaces) break;
+      if (h.inlier_share < kHopelessInliers) continue;
+      if (!kept.empty() && h.log_evidence < kept.front().log_evidence - kForgetBelow) break;
+      const bool is_double = std::any_of(kept.begin(), kept.end(), [&](const Hypothesis& other) {
+        return same(other.T_map_base.mean, h.T_map_base.mean);
+      });
+      if (!is_double) kept.push_back(std::move(h));
+    }
+    hypotheses = std::move(kept);
+  }
+
+  /// A place at the present odometry.
+  [[nodiscard]] PoseWithCovariance here(const Hypothesis& h) const {
+    return compose(h.T_map_base, between(keys.back().T_odom_base, T_odom_base));
+  }
+
+  /// And where it puts the robot at start.
+  [[nodiscard]] Pose2 atStart(const Hypothesis& h) const {
+    return compose(h.T_map_base.mean, inverse(keys.back().T_odom_base));
+  }
+
+  [[nodiscard]] bool fits(const Hypothesis& h) const {
+    return h.inlier_share >= params.min_inlier_share && h.blocked_share <= params.max_blocked_share;
+  }
+
+  /// Whether no other place fits more of the beams: evidence that says otherwise is doubted.
+  [[nodiscard]] bool fitsBest(const Hypothesis& h) const {
+    return std::all_of(hypotheses.begin(), hypotheses.end(), [&](const Hypothesis& other) {
+      return other.inlier_share - other.blocked_share <=
+             h.inlier_share - h.blocked_share + kFitsAsWell;
+    });
+  }
+
+  /// Log odds of the best place against all others.
+  [[nodiscard]] double advantage() const {
+    double others = 0.0;
+    for (std::size_t i = 1; i < hypotheses.size(); ++i) {
+      others += std::exp(hypotheses[i].log_evidence - hypotheses.front().log_evidence);
+    }
+    return others > 0.0 ? -std::log(others) : std::numeric_limits<double>::infinity();
+  }
+
+  [[nodiscard]] PlaceState state() const {
+    if (hypotheses.empty() || !fits(hypotheses.front())) return PlaceState::kNowhere;
+    const bool seen_enough =
+        counted >= params.min_keys && travelled_m >= params.min_travel_m && searches >= 2;
+    return seen_enough && advantage() >= params.min_advantage && fitsBest(hypotheses.front())
+               ? PlaceState::kSure
+               : PlaceState::kUnsure;
+  }
+};
+
+GlobalLocalizer::GlobalLocalizer(
+    const GlobalParams& params, std::shared_ptr<const grid::OccupancyMap> map)
+    : impl_(std::make_unique<Impl>(params, std::move(map))) {}
+
+GlobalLocalizer::~GlobalLocalizer() = default;
+
+void GlobalLocalizer::start(
+    const std::optional<grid::PosePrior>& prior, const std::optional<grid::SearchWindow>& zone) {
+  impl_->prior = prior;
+  impl_->zone = zone;
+  impl_->T_odom_base = {};
+  impl_->keys.clear();
+  impl_->views.clear();
+  impl_->hypotheses.clear();
+  impl_->travelled_m = 0.0;
+  impl_->searches = 0;
+  impl_->counted = 0;
+}
+
+void GlobalLocalizer::process(const WheelOdometry& odometry) {
+  Impl& s = *impl_;
+  s.T_odom_base = compose(s.T_odom_base, odometry.T_previous_now);
+  s.travelled_m += translationNorm(odometry.T_previous_now);
+}
+
+bool GlobalLocalizer::process(const LaserScan& scan) {
+  Impl& s = *impl_;
+  if (!s.keys.empty()) {
+    const Pose2 step = between(s.keys.back().T_odom_base, s.T_odom_base);
+    if (translationNorm(step) < s.params.key_distance_m &&
+        std::abs(step.phi) < s.params.key_turn_rad) {
+      return false;
+    }
+  }
+  std::vector<Point2> ends = spreadEnds(scan, s.params.max_range_m, kEndSpacing_m, kEndsPerKey);
+  if (ends.size() < kMinEnds) return false;
+  s.addKey(scan, std::move(ends));
+  s.rank();
+  const double wait_m =
+      s.state() == PlaceState::kNowhere ? s.params.first_search_m : s.next_search_m;
+  const bool due = s.searches == 0 || s.travelled_m - s.searched_at_m >= wait_m;
+  if (due && s.state() != PlaceState::kSure) {
+    s.search();
+    s.rank();
+  }
+  return true;
+}
+
+PlaceState GlobalLocalizer::state() const { return impl_->state(); }
+
+std::vector<Place> GlobalLocalizer::places() const {
+  std::vector<Place> places;
+  if (impl_->hypotheses.empty()) return places;
+  const double best = impl_->hypotheses.front().log_evidence;
+  double sum = 0.0;
+  for (const Hypothesis& h : impl_->hypotheses) {
+    places.push_back(
+        {impl_->here(h), std::exp(h.log_evidence - best), h.inlier_share, h.blocked_share});
+    sum += places.back().weight;
+  }
+  for (Place& place : places) place.weight /= sum;
+  return places;
+}
+
+Place GlobalLocalizer::fitAt(const LaserScan& scan, const Pose2& T_map_base) const {
+  const ScanFit fit = impl_->fitter.fit(
+      spreadEnds(scan, impl_->params.max_range_m, kEndSpacing_m, kEndsPerKey),
+      {},
+      {scan.T_base_laser.x, scan.T_base_laser.y},
+      T_map_base);
+  return {{T_map_base, Eigen::Matrix3d::Zero()}, 1.0, fit.inlier_share, fit.blocked_share};
+}
+
+double GlobalLocalizer::travelled() const { return impl_->travelled_m; }
+
+int GlobalLocalizer::searches() const { return impl_->searches; }
+
+const grid::OccupancyMap& GlobalLocalizer::map() const { return *impl_->map; }
+
+std::string_view toString(PlaceState state) {
+  switch (state) {
+    case PlaceState::kNowhere:
+      return "nowhere";
+    case PlaceState::kUnsure:
+      return "unsure";
+    case PlaceState::kSure:
+      break;
+  }
+  return "sure";
+}
+
+void describe(ParamIo& io, GlobalParams& p) {
+  io.section("search", p.search);
+  io.optional("cell_m", p.cell_m, positive());
+  io.optional("sigma_m", p.sigma_m, positive());
+  io.optional("max_range_m", p.max_range_m, positive());
+  io.optional("points", p.points, within(20, 256));
+  io.optional("key_distance_m", p.key_distance_m, positive());
+  io.optionalDegrees("key_turn_deg", p.key_turn_rad, positive());
+  io.optional("max_keys", p.max_keys, within(2, 1000));
+  io.optional("sigma_hit_m", p.sigma_hit_m, positive());
+  io.optional("random_share", p.random_share, inside(0.0, 1.0));
+  io.optional("blocked_share", p.blocked_share, inside(0.0, 1.0));
+  io.optional("surface_m", p.surface_m, positive());
+  io.optional("surface_share", p.surface_share, within(0.0, 1.0));
+  io.optional("inlier_distance_m", p.inlier_distance_m, positive());
+  io.optional("min_travel_m", p.min_travel_m, nonNegative());
+  io.optional("min_keys", p.min_keys, within(1, 1000));
+  io.optional("min_inlier_share", p.min_inlier_share, within(0.0, 1.0));
+  io.optional("max_blocked_share", p.max_blocked_share, within(0.0, 1.0));
+  io.optional("min_advantage", p.min_advantage, nonNegative());
+  io.optional("first_search_m", p.first_search_m, positive());
+  io.optional("max_search_m", p.max_search_m, positive());
+}
+
+}  // namespace vestibule::amcl

@@ -1,0 +1,239 @@
+#include "vestibule/amcl/localizer.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace vestibule::amcl {
+namespace {
+
+// How well the last fitting pose is still known when a search begins, and how much a place
+// elsewhere can lose by it: robots slip more often than they are carried away.
+constexpr double kLastPoseSigma_m = 1.0;
+constexpr double kLastPoseSigmaPerM = 0.1;
+constexpr double kLastPoseSigma_rad = degToRad(20.0);
+constexpr double kLastPoseMaxD2 = 6.0;
+// The particles begin about a place that was found with at least this spread.
+constexpr double kSeedSigma_m = 0.08;
+constexpr double kSeedSigma_rad = degToRad(1.5);
+// A place found this near to the particles is theirs.
+constexpr double kSame_m = 0.3;
+constexpr double kSame_rad = degToRad(8.0);
+// Nothing known: the pose is somewhere in a map of this size.
+constexpr double kNowhereSigma_m = 100.0;
+
+}  // namespace
+
+struct Localizer::Impl {
+  AmclParams params;
+  ParticleLocalizer particles;
+  GlobalLocalizer global;
+  const Observers* observers;
+  bool searching = false;
+  bool tracking = false;  // the particles have been started, and nothing said to forget them
+  std::optional<Pose2> T_map_fitting;  // last fitting pose, carried on by odometry
+  double since_fitting_m = 0.0;
+  int misfits = 0;  // used scans in a row that do not fit the particles' pose
+  int fits = 0;     // and that do, while searching
+  int recoveries = 0;
+  int searches_before = 0;
+
+  Impl(
+      const AmclParams& p,
+      const std::shared_ptr<const grid::OccupancyMap>& map,
+      std::uint64_t seed,
+      const Observers* o)
+      : params(p), particles(p, map, seed, o), global(p.global, map), observers(o) {}
+
+  void startTracking() {
+    searching = false;
+    tracking = true;
+    misfits = 0;
+    fits = 0;
+  }
+
+  void startSearch(const std::optional<grid::PosePrior>& prior) {
+    searches_before += global.searches();
+    global.start(prior);
+    searching = true;
+    fits = 0;
+  }
+
+  [[nodiscard]] std::optional<grid::PosePrior> lastPose() const {
+    if (!T_map_fitting) return std::nullopt;
+    const double sigma_m = kLastPoseSigma_m + kLastPoseSigmaPerM * since_fitting_m;
+    grid::PosePrior prior;
+    prior.T_map_base = *T_map_fitting;
+    prior.information = Eigen::Vector3d(
+                            1.0 / (sigma_m * sigma_m),
+                            1.0 / (sigma_m * sigma_m),
+                            1.0 / (kLastPoseSigma_rad * kLastPoseSigma_rad))
+                            .asDiagonal();
+    prior.max_d2 = kLastPoseMaxD2;
+    return prior;
+  }
+
+  /// Whether a scan fits the particles' pose, by its ends and by the free space before them.
+  [[nodiscard]] bool fitsParticles(const LaserScan& scan, const ScanReport& report) const {
+    if (!report.trusted) return false;
+    const Place place = global.fitAt(scan, report.T_map_base.mean);
+    return place.inlier_share >= params.lost_inlier_share &&
+           place.blocked_share <= params.recovery.max_blocked_share;
+  }
+
+  void watch(const LaserScan& scan, const ScanReport& report) {
+    if (!report.used) return;
+    if (fitsParticles(scan, report)) {
+      T_map_fitting = particles.pose().mean;
+      since_fitting_m = 0.0;
+      misfits = 0;
+      ++fits;
+      return;
+    }
+    fits = 0;
+    if (searching || ++misfits < params.recovery.after_scans) return;
+    ++recoveries;
+    startSearch(lastPose());
+    if (observers == nullptr) return;
+    WarningEvent event;
+    event.stamp = scan.stamp;
+    event.component = "amcl";
+    event.text = "the scans do not fit the map here: searching all of it";
+    event.value = report.inlier_share;
+    event.limit = params.lost_inlier_share;
+    observers->emit(event);
+  }
+
+  void search(const LaserScan& scan) {
+    const bool counted = global.process(scan);
+    const std::vector<Place> places = global.places();
+    if (counted && observers != nullptr) {
+      PlacesEvent event;
+      event.stamp = scan.stamp;
+      event.state = std::string(toString(global.state()));
+      for (const Place& p : places) event.places.emplace_back(p.T_map_base.mean, p.weight);
+      event.searches = global.searches();
+      observers->emit(event);
+    }
+    const bool tracked = tracking && fits >= params.recovery.after_scans;
+    if (global.state() == PlaceState::kSure) {
+      const PoseWithCovariance& found = places.front().T_map_base;
+      const bool same = tracked && distance(found.mean, particles.pose().mean) < kSame_m &&
+                        std::abs(angleDiff(found.mean.phi, particles.pose().mean.phi)) < kSame_rad;
+      if (!same) {
+        PoseWithCovariance seed = found;
+        seed.cov += Eigen::Vector3d(
+                        kSeedSigma_m * kSeedSigma_m,
+                        kSeedSigma_m * kSeedSigma_m,
+                        kSeedSigma_rad * kSeedSigma_rad)
+                        .asDiagonal();
+        particles.initialise(std::vector<PoseMode>{{seed, 1.0}});
+      }
+      T_map_fitting = found.mean;
+      since_fitting_m = 0.0;
+      startTracking();
+    } else if (tracked) {
+      // What had hidden the map is gone, and the particles are still where they were right.
+      startTracking();
+    }
+  }
+};
+
+Localizer::Localizer(
+    const AmclParams& params,
+    std::shared_ptr<const grid::OccupancyMap> map,
+    std::uint64_t seed,
+    const Observers* observers)
+    : impl_(std::make_unique<Impl>(params, map, seed, observers)) {}
+
+Localizer::~Localizer() = default;
+
+void Localizer::startAt(const PoseWithCovariance& T_map_base) {
+  impl_->particles.initialise(T_map_base);
+  impl_->T_map_fitting = T_map_base.mean;
+  impl_->since_fitting_m = 0.0;
+  impl_->startTracking();
+}
+
+void Localizer::startAnywhere(const std::optional<grid::PosePrior>& prior) {
+  impl_->T_map_fitting.reset();
+  impl_->tracking = false;
+  impl_->misfits = 0;
+  impl_->startSearch(prior);
+}
+
+void Localizer::process(const WheelOdometry& odometry, YawSource yaw_source) {
+  Impl& s = *impl_;
+  if (s.tracking) s.particles.process(odometry, yaw_source);
+  if (s.searching) s.global.process(odometry);
+  if (s.T_map_fitting) s.T_map_fitting = compose(*s.T_map_fitting, odometry.T_previous_now);
+  s.since_fitting_m += translationNorm(odometry.T_previous_now);
+}
+
+ScanReport Localizer::process(const LaserScan& scan) {
+  Impl& s = *impl_;
+  ScanReport report;
+  if (s.tracking) {
+    report = s.particles.process(scan);
+    s.watch(scan, report);
+  }
+  if (!s.searching) return report;
+  s.search(scan);
+  report.T_map_base = pose();
+  if (!s.searching) return report;
+  report.trusted = false;
+  const std::vector<Place> places = s.global.places();
+  report.lost_probability = places.empty() ? 1.0 : 1.0 - places.front().weight;
+  if (!s.tracking && !places.empty()) {
+    report.inlier_share = places.front().inlier_share;
+  }
+  if (!s.tracking && s.observers != nullptr) {
+    PoseEvent event;
+    event.stamp = scan.stamp;
+    event.source = PoseSource::kParticles;
+    event.mode = Mode::kLost;
+    event.T = pose();
+    s.observers->emit(event);
+  }
+  return report;
+}
+
+bool Localizer::searching() const { return impl_->searching; }
+
+PlaceState Localizer::state() const {
+  return impl_->searching ? impl_->global.state() : PlaceState::kSure;
+}
+
+std::vector<Place> Localizer::places() const {
+  if (impl_->searching) return impl_->global.places();
+  Place place;
+  place.T_map_base = impl_->particles.pose();
+  place.weight = 1.0;
+  place.inlier_share = impl_->particles.lastReport().inlier_share;
+  return {place};
+}
+
+PoseWithCovariance Localizer::pose() const {
+  const Impl& s = *impl_;
+  if (!s.searching) return s.particles.pose();
+  const std::vector<Place> places = s.global.places();
+  if (places.empty()) {
+    const Eigen::Matrix3d cov =
+        Eigen::Vector3d(kNowhereSigma_m * kNowhereSigma_m, kNowhereSigma_m * kNowhereSigma_m, 10.0)
+            .asDiagonal();
+    return {s.T_map_fitting.value_or(Pose2{}), cov};
+  }
+  PoseWithCovariance pose{places.front().T_map_base.mean, Eigen::Matrix3d::Zero()};
+  for (const Place& p : places) {
+    const Pose2& T = p.T_map_base.mean;
+    const Eigen::Vector3d off(
+        T.x - pose.mean.x, T.y - pose.mean.y, angleDiff(T.phi, pose.mean.phi));
+    pose.cov += p.weight * (p.T_map_base.cov + off * off.transpose());
+  }
+  return pose;
+}
+
+int Localizer::recoveries() const { return impl_->recoveries; }
+
+int Localizer::searches() const { return impl_->searches_before + impl_->global.searches(); }
+
+}  // namespace vestibule::amcl

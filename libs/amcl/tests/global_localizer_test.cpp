@@ -1,0 +1,232 @@
+#include "vestibule/amcl/global_localizer.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "matchers.hpp"
+#include "vestibule/amcl/localizer.hpp"
+#include "vestibule/core/random.hpp"
+#include "vestibule/grid/ray_caster.hpp"
+
+namespace vestibule::amcl {
+namespace {
+
+constexpr int kWidth = 480;
+constexpr int kHeight = 200;
+constexpr double kResolution = 0.05;
+
+/// Four equal rooms of 6 x 6 m in a row along a corridor of 4 m; only a niche at the corridor's
+/// left end tells its ends apart.
+std::shared_ptr<const grid::OccupancyMap> fourRooms() {
+  std::vector<grid::Cell> cells(kWidth * kHeight, grid::Cell::kFree);
+  const auto fill = [&](int x0, int x1, int y0, int y1, grid::Cell kind) {
+    for (int y = y0; y < y1; ++y) {
+      for (int x = x0; x < x1; ++x) cells[static_cast<std::size_t>(y * kWidth + x)] = kind;
+    }
+  };
+  fill(0, kWidth, 0, 2, grid::Cell::kOccupied);
+  fill(0, kWidth, kHeight - 2, kHeight, grid::Cell::kOccupied);
+  fill(0, kWidth, 120, 122, grid::Cell::kOccupied);
+  for (int room = 0; room <= 4; ++room) {
+    const int x = std::min(120 * room, kWidth - 2);
+    fill(x, x + 2, 0, room == 0 || room == 4 ? kHeight : 120, grid::Cell::kOccupied);
+    if (room == 4) break;
+    fill(x + 50, x + 70, 120, 122, grid::Cell::kFree);      // the door
+    fill(x + 14, x + 40, 14, 30, grid::Cell::kOccupied);    // a desk
+    fill(x + 100, x + 108, 60, 84, grid::Cell::kOccupied);  // a cabinet
+  }
+  fill(2, 40, 160, kHeight - 2, grid::Cell::kOccupied);  // the niche's wall
+  return std::make_shared<const grid::OccupancyMap>(
+      grid::OccupancyMap::fromCells(kWidth, kHeight, kResolution, {0, 0}, cells, {30, -10, 0.4}));
+}
+
+struct Robot {
+  std::shared_ptr<const grid::OccupancyMap> map;
+  grid::RayCaster rays;
+  Pose2 T_grid_base;
+  double t_s = 0.0;
+  RandomStream rng{3, "robot"};
+
+  Robot(std::shared_ptr<const grid::OccupancyMap> m, const Pose2& start)
+      : map(std::move(m)), rays(*map), T_grid_base(start) {}
+
+  [[nodiscard]] Pose2 truth() const { return compose(map->T_map_grid(), T_grid_base); }
+
+  LaserScan scan() {
+    LaserScan scan;
+    scan.stamp = timestampFromSeconds(t_s);
+    scan.angle_min_rad = -0.75 * kPi;
+    scan.angle_step_rad = 1.5 * kPi / 180.0;
+    scan.range_min_m = 0.05;
+    scan.range_max_m = 9.0;
+    scan.T_base_laser = {0.1, 0.0, 0.0};
+    const Pose2 T = compose(truth(), scan.T_base_laser);
+    for (int i = 0; i <= 180; ++i) {
+      const double range =
+          rays.range({T.x, T.y}, T.phi + scan.angle(static_cast<std::size_t>(i)), 9.0);
+      scan.ranges_m.push_back(static_cast<float>(range + rng.normal(0.0, 0.01)));
+    }
+    return scan;
+  }
+
+  /// A tenth of a metre towards a point of the grid.
+  WheelOdometry driveTo(const Point2& p) {
+    const double turn =
+        angleDiff(std::atan2(p.y - T_grid_base.y, p.x - T_grid_base.x), T_grid_base.phi);
+    const Pose2 step{0.1, 0.0, std::max(-0.3, std::min(0.3, turn))};
+    T_grid_base = compose(T_grid_base, Pose2{0.0, 0.0, step.phi});
+    T_grid_base = compose(T_grid_base, Pose2{step.x, 0.0, 0.0});
+    t_s += 0.2;
+    WheelOdometry odometry;
+    odometry.stamp = timestampFromSeconds(t_s);
+    odometry.dt_s = 0.2;
+    odometry.T_previous_now = compose(
+        Pose2{0.0, 0.0, 1.03 * step.phi}, Pose2{1.03 * step.x, 0.0, rng.normal(0.0, 0.005)});
+    return odometry;
+  }
+
+  template <class Localizer>
+  void goTo(const Point2& p, Localizer& localizer) {
+    while (std::hypot(p.x - T_grid_base.x, p.y - T_grid_base.y) > 0.15) {
+      localizer.process(driveTo(p));
+      localizer.process(scan());
+    }
+  }
+};
+
+GlobalParams oneThread(int threads = 1) {
+  GlobalParams params;
+  params.search.threads = threads;
+  return params;
+}
+
+TEST(GlobalLocalizer, StaysUnsureInEqualRoomsAndIsSureOnceItSeesTheDifference) {
+  Robot robot(fourRooms(), {8.0, 2.5, 1.0});
+  GlobalLocalizer localizer(oneThread(), robot.map);
+  localizer.start();
+  localizer.process(robot.scan());
+  robot.goTo({9.0, 4.0}, localizer);
+  robot.goTo({7.5, 3.0}, localizer);
+  // Four rooms look the same: all of them are candidates, the true one among them.
+  EXPECT_EQ(localizer.state(), PlaceState::kUnsure);
+  const auto places = localizer.places();
+  ASSERT_EQ(places.size(), 4U);
+  double sum = 0.0;
+  bool has_truth = false;
+  for (const Place& place : places) {
+    sum += place.weight;
+    EXPECT_LT(place.weight, 0.9);
+    has_truth = has_truth || distance(place.T_map_base.mean, robot.truth()) < 0.1;
+  }
+  EXPECT_NEAR(sum, 1.0, 1e-9);
+  EXPECT_TRUE(has_truth);
+  // Through the door and along the corridor to its left end.
+  robot.goTo({9.0, 5.0}, localizer);
+  robot.goTo({9.0, 7.2}, localizer);
+  robot.goTo({3.5, 7.2}, localizer);
+  robot.goTo({6.5, 7.0}, localizer);
+  robot.goTo({3.0, 7.3}, localizer);
+  EXPECT_EQ(localizer.state(), PlaceState::kSure);
+  EXPECT_THAT(localizer.places().front().T_map_base.mean, poseNear(robot.truth(), 0.15, 0.05));
+}
+
+TEST(GlobalLocalizer, APriorDecidesBetweenEqualPlacesButDoesNotHideABetterOne) {
+  Robot robot(fourRooms(), {8.0, 2.5, 1.0});
+  GlobalLocalizer localizer(oneThread(), robot.map);
+  grid::PosePrior prior;
+  prior.T_map_base = robot.truth();
+  prior.information = Eigen::Vector3d(1.0, 1.0, 0.0).asDiagonal();  // 1 m, no yaw
+  prior.max_d2 = 8.0;
+  localizer.start(prior);
+  localizer.process(robot.scan());
+  EXPECT_GT(localizer.places().front().weight, 0.9);
+  EXPECT_LT(distance(localizer.places().front().T_map_base.mean, robot.truth()), 0.1);
+  // The corridor's end fits nowhere else, whatever a prior says.
+  Robot other(robot.map, {3.0, 7.2, 3.0});
+  localizer.start(prior);
+  localizer.process(other.scan());
+  EXPECT_LT(distance(localizer.places().front().T_map_base.mean, other.truth()), 0.1);
+}
+
+TEST(GlobalLocalizer, SearchesOnlyTheZone) {
+  Robot robot(fourRooms(), {8.0, 2.5, 1.0});
+  GlobalLocalizer localizer(oneThread(), robot.map);
+  localizer.start({}, grid::SearchWindow{robot.truth(), 2.0, 2.0, 0.5});
+  localizer.process(robot.scan());
+  ASSERT_EQ(localizer.places().size(), 1U);
+  EXPECT_LT(distance(localizer.places().front().T_map_base.mean, robot.truth()), 0.1);
+}
+
+TEST(GlobalLocalizer, FindsNothingWhereTheScansDoNotFit) {
+  Robot robot(fourRooms(), {8.0, 2.5, 1.0});
+  GlobalLocalizer localizer(oneThread(), robot.map);
+  localizer.start();
+  EXPECT_EQ(localizer.state(), PlaceState::kNowhere);
+  LaserScan empty = robot.scan();
+  for (float& range : empty.ranges_m) range = 99.0F;
+  EXPECT_FALSE(localizer.process(empty));
+  // A round room of 1.5 m is not on the map.
+  LaserScan round = robot.scan();
+  for (float& range : round.ranges_m) range = 1.5F;
+  EXPECT_TRUE(localizer.process(round));
+  EXPECT_NE(localizer.state(), PlaceState::kSure);
+}
+
+TEST(GlobalLocalizer, GivesTheSamePlacesForAnyNumberOfThreads) {
+  const auto run = [](int threads) {
+    Robot robot(fourRooms(), {8.0, 2.5, 1.0});
+    GlobalLocalizer localizer(oneThread(threads), robot.map);
+    localizer.start();
+    localizer.process(robot.scan());
+    robot.goTo({9.0, 4.0}, localizer);
+    return localizer.places();
+  };
+  const auto one = run(1);
+  const auto three = run(3);
+  ASSERT_EQ(one.size(), three.size());
+  for (std::size_t i = 0; i < one.size(); ++i) {
+    EXPECT_EQ(one[i].T_map_base.mean, three[i].T_map_base.mean);
+    EXPECT_EQ(one[i].weight, three[i].weight);
+  }
+}
+
+TEST(Localizer, NoticesThatItWasCarriedAwayAndFindsItself) {
+  Robot robot(fourRooms(), {3.5, 7.2, 0.0});
+  AmclParams params;
+  params.global = oneThread();
+  Localizer localizer(params, robot.map, 5);
+  localizer.startAt({robot.truth(), Eigen::Vector3d(0.02, 0.02, 0.005).asDiagonal()});
+  robot.goTo({9.0, 7.2}, localizer);
+  EXPECT_FALSE(localizer.searching());
+  // WHEN somebody carries it into a room and turns it round
+  robot.T_grid_base = {20.0, 3.0, 2.0};
+  robot.goTo({21.0, 5.0}, localizer);
+  robot.goTo({21.0, 7.2}, localizer);
+  robot.goTo({6.0, 7.2}, localizer);
+  robot.goTo({3.5, 7.2}, localizer);
+  // THEN it has searched, and is right again
+  EXPECT_GE(localizer.recoveries(), 1);
+  EXPECT_FALSE(localizer.searching());
+  EXPECT_THAT(localizer.pose().mean, poseNear(robot.truth(), 0.1, 0.03));
+}
+
+TEST(Localizer, StartsAnywhereAndMeansItsPoseOnlyWhenSure) {
+  Robot robot(fourRooms(), {8.0, 2.5, 1.0});
+  AmclParams params;
+  params.global = oneThread();
+  Localizer localizer(params, robot.map, 5);
+  localizer.startAnywhere();
+  robot.goTo({9.0, 4.0}, localizer);
+  EXPECT_TRUE(localizer.searching());
+  EXPECT_GT(std::sqrt(localizer.pose().cov.topLeftCorner<2, 2>().trace()), 2.0)
+      << "the covariance must cover the other rooms";
+  robot.goTo({9.0, 7.2}, localizer);
+  robot.goTo({3.5, 7.2}, localizer);
+  EXPECT_FALSE(localizer.searching());
+  EXPECT_THAT(localizer.pose().mean, poseNear(robot.truth(), 0.1, 0.03));
+  ASSERT_EQ(localizer.places().size(), 1U);
+}
+
+}  // namespace
+}  // namespace vestibule::amcl
