@@ -59,7 +59,7 @@ struct ParticlesEvent {
   double effective_sample_size = 0.0;
   double inlier_share = 0.0;  ///< share of valid beams ending near a mapped obstacle
   double lost_probability = 0.0;
-  std::vector<Point2> p_map_unmapped;  ///< beam ends far from every mapped obstacle
+  std::vector<Point2> p_map_unmapped = {};  ///< beam ends far from every mapped obstacle
 };
 
 /// Where a search of the map says the robot may be.
