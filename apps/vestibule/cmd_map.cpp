@@ -178,8 +178,12 @@ void check(const MapArguments& args, bool known_poses) {
   if (args.init && args.extend.empty()) {
     throw ConfigError("--init is the start in the earlier map: it needs --extend DIR");
   }
-  if (known_poses && (!args.extend.empty() || args.resume || args.georeference)) {
-    throw ConfigError("--known-poses goes with none of --extend, --resume, --georeference");
+  if (args.finish && !args.extend.empty()) {
+    throw ConfigError("--finish would move a drive off the map it extends: leave one of them out");
+  }
+  if (known_poses && (!args.extend.empty() || args.resume || args.georeference || args.finish)) {
+    throw ConfigError(
+        "--known-poses goes with none of --extend, --resume, --georeference, --finish");
   }
 }
 
@@ -209,6 +213,8 @@ void addMap(CLI::App& app, int& exit_code) {
   command->add_flag("--resume", o->args.resume, "go on where a killed run in --out stopped");
   command->add_flag(
       "--georeference", o->args.georeference, "datum and pose of the map from GNSS in the recording");
+  command->add_flag(
+      "--finish", o->args.finish, "close loops and refine all poses when the drive is over");
   command->add_option(
       "--preview", o->args.preview_scans, "draw OUT/preview.png every so many scans; 0 = never")
       ->check(CLI::NonNegativeNumber);

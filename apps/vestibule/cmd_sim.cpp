@@ -80,6 +80,10 @@ Drive drive(const sim::Scenario& scenario, std::uint64_t seed, io::RawlogWriter&
       result.gnss_errors[std::string(toString(fix->type))].push_back(
           std::hypot(enu.x() - truth.x, enu.y() - truth.y));
     }
+    for (const LidarSweep& sweep : run.simulator().takeSweeps()) {
+      ++result.messages["SWEEP"];
+      recording.write(sweep, "SWEEP");
+    }
     progress(run.progress(), run.elapsed());
   }
   result.duration_s = run.elapsed();

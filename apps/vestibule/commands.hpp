@@ -12,6 +12,7 @@ inline constexpr int kBadUsage = 2;
 inline constexpr int kBadInput = 3;
 
 /// Each adds its subcommand; the subcommand's callback sets `exit_code`.
+void addConvert(CLI::App& app, int& exit_code);
 void addDemo(CLI::App& app, int& exit_code);
 void addInfo(CLI::App& app, int& exit_code);
 void addLocalize(CLI::App& app, int& exit_code);

@@ -57,6 +57,7 @@ int run(int argc, char** argv) {
   addSim(app, exit_code);
   addEval(app, exit_code);
   addBench(app, exit_code);
+  addConvert(app, exit_code);
   try {
     app.parse(argc, argv);
   } catch (const CLI::CallForHelp& e) {

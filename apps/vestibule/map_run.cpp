@@ -94,7 +94,33 @@ void summarise(const pipeline::MapDriveResult& r, const pipeline::Config& config
     j["sigma_yaw_deg"] = rounded(radToDeg(std::sqrt(g.cov(2, 2))), 4);
     j["rms_m"] = rounded(r.georeference_rms_m, 4);
   }
+  if (r.finished) {
+    const mapping::FinishResult& f = *r.finished;
+    Json& j = s["finish"];
+    j["key_scans"] = f.keys.size();
+    j["submaps"] = f.submaps;
+    for (const auto verdict : mapping::kClosureVerdicts) {
+      j["closures"][std::string(mapping::toString(verdict))] = f.count(verdict);
+    }
+    j["pairs"] = f.pairs;
+    j["surface_rms_before_m"] = rounded(f.surface_rms_before_m, 6);
+    j["surface_rms_after_m"] = rounded(f.surface_rms_after_m, 6);
+    j["largest_correction_m"] = rounded(f.largest_correction_m, 4);
+  }
   s["notes"] = r.notes;
+}
+
+void addFinish(
+    const mapping::FinishResult& finished, gui_headless::ReportSection& section) {
+  using mapping::ClosureVerdict;
+  const std::size_t accepted = finished.count(ClosureVerdict::kAccepted);
+  section.figures.push_back(figure("places recognised again", std::to_string(accepted)));
+  section.figures.push_back(
+      figure("... and refused", std::to_string(finished.closures.size() - accepted)));
+  section.figures.push_back(figure(
+      "distance of shared surfaces, RMS", fixed(1000.0 * finished.surface_rms_after_m, 1), "mm"));
+  section.figures.push_back(
+      figure("largest correction", fixed(finished.largest_correction_m, 2), "m"));
 }
 
 }  // namespace
@@ -142,6 +168,7 @@ std::pair<pipeline::MapDriveResult, gui_headless::ReportSection> runMap(
   options.before = earlierFrames(args);
   options.T_map_base_init = args.init;
   options.georeference = args.georeference;
+  options.finish = args.finish;
   options.preview_scans = static_cast<std::size_t>(args.preview_scans);
   options.preview = [&](const grid::OccupancyMap& map, const metrics::Trajectory& trajectory) {
     gui_headless::writeFile(output.pathOf("preview.png"), previewOf(map, trajectory));
@@ -152,6 +179,7 @@ std::pair<pipeline::MapDriveResult, gui_headless::ReportSection> runMap(
     options.status = [&](double effective) {
       bar.setLabel("map, " + particles + " particles, Neff " + fixed(effective, 1));
     };
+    options.finishing = [&] { bar.setLabel("finishing"); };
     auto r = pipeline::mapDrive(
         args.log, recording, options, config, output.observers(), bar.callback());
     wall_s = bar.wallSeconds();
@@ -177,6 +205,14 @@ std::pair<pipeline::MapDriveResult, gui_headless::ReportSection> runMap(
 
   gui_headless::Scene scene;
   scene.prior_maps = {&result.map};
+  if (result.finished) {
+    for (const mapping::Closure& c : result.finished->closures) {
+      scene.closures.push_back(
+          {{c.T_map_from.x, c.T_map_from.y},
+           {c.T_map_to.x, c.T_map_to.y},
+           c.verdict == mapping::ClosureVerdict::kAccepted});
+    }
+  }
   auto section = gui_headless::sectionFromRun(output.recorder(), scene, "Map by a particle filter");
   section.figures = {
       figure("scans", std::to_string(result.trajectory.size())),
@@ -199,6 +235,7 @@ std::pair<pipeline::MapDriveResult, gui_headless::ReportSection> runMap(
     section.figures.push_back(
         figure("georeference, RMS of the fixes", fixed(result.georeference_rms_m, 2), "m"));
   }
+  if (result.finished) addFinish(*result.finished, section);
   section.charts.push_back(
       effectiveParticlesChart(result.updates, config.mapping.filter.particles));
   if (!section.pictures.empty()) output.picture("map.png", section.pictures.front().png);

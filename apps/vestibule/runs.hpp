@@ -57,6 +57,7 @@ struct MapArguments {
   std::optional<int> cut;  ///< session that is left out
   bool resume = false;
   bool georeference = false;
+  bool finish = false;
   int preview_scans = 0;
   std::string out;
 };

@@ -252,6 +252,10 @@ std::vector<LegendItem> legendOf(
   if (!scene.truth_walls.empty()) {
     items.push_back({Mark::kWall, palette::kTruthWall, "true walls"});
   }
+  bool any[2] = {false, false};
+  for (const Scene::Closure& c : scene.closures) any[c.accepted ? 1 : 0] = true;
+  if (any[1]) items.push_back({Mark::kWall, palette::kDoor, "place recognised again"});
+  if (any[0]) items.push_back({Mark::kWall, palette::kLost, "refused"});
   if (scene.site != nullptr && !scene.site->buildings.empty()) {
     items.push_back({Mark::kWall, palette::kBuilding, "building"});
   }
@@ -313,6 +317,11 @@ void drawMapArea(
     for (const auto& part : runs) canvas.polyline(part.path, palette::kPaper, 7.0);
   });
   for (const auto& part : runs) canvas.polyline(part.path, colourOf(part.mode), 4.2);
+  canvas.blend(0.7, [&] {
+    for (const Scene::Closure& c : scene.closures) {
+      canvas.line(view(c.from), view(c.to), c.accepted ? palette::kDoor : palette::kLost, 1.2);
+    }
+  });
   std::vector<Px> truth;
   for (const auto& row : reference) truth.push_back(view(row.second));
   canvas.dashedPolyline(spacedPath(truth, kInvisible_px), palette::kInk, 0.9, 6.0, 6.0);

@@ -15,6 +15,7 @@
 #include <limits>
 
 #include "mrpt_scan.hpp"
+#include "mrpt_sweep.hpp"
 #include "mrpt_time.hpp"
 #include "readers.hpp"
 #include "vestibule/core/angles.hpp"
@@ -101,7 +102,7 @@ std::optional<GnssFix> toFix(const CObservationGPS& obs) {
 class RawlogReader : public RecordingReader {
  public:
   RawlogReader(std::unique_ptr<ByteStream> stream, const RecordingOptions& options)
-      : rig_(options.rig), stream_(std::move(stream)) {
+      : rig_(options.rig), slice_(options.slice), stream_(std::move(stream)) {
     mrpt::obs::registerAllClasses_mrpt_obs();
     mrpt::maps::registerAllClasses_mrpt_maps();
     archive_ = mrpt::serialization::archivePtrFrom(static_cast<mrpt::io::CStream&>(stream_));
@@ -217,6 +218,10 @@ class RawlogReader : public RecordingReader {
       }
     } else if (const auto* imu = dynamic_cast<const CObservationIMU*>(&observation)) {
       takeImu(*imu);
+    } else if (const auto sweep = slice_ ? sweepOf(observation) : std::nullopt) {
+      LaserScan scan = sliceSweep(*sweep, *slice_);
+      rig_.T_base_laser = scan.T_base_laser;
+      push(observation, std::move(scan));
     } else {
       ignore(observation.GetRuntimeClass()->className);
     }
@@ -257,6 +262,7 @@ class RawlogReader : public RecordingReader {
   }
 
   SensorRig rig_;
+  std::optional<SliceParams> slice_;
   PeekStream stream_;
   mrpt::serialization::CArchive::Ptr archive_;
   std::size_t number_ = 0;

@@ -5,12 +5,14 @@
 #include <mrpt/obs/CObservationGPS.h>
 #include <mrpt/obs/CObservationIMU.h>
 #include <mrpt/obs/CObservationOdometry.h>
+#include <mrpt/obs/CObservationPointCloud.h>
 #include <mrpt/serialization/CArchive.h>
 
 #include <cmath>
 #include <map>
 
 #include "mrpt_scan.hpp"
+#include "mrpt_sweep.hpp"
 #include "mrpt_time.hpp"
 #include "vestibule/core/angles.hpp"
 #include "vestibule/core/errors.hpp"
@@ -125,6 +127,11 @@ RawlogWriter::~RawlogWriter() = default;
 
 void RawlogWriter::write(const Measurement& measurement, const std::string& label) {
   std::visit([&](const auto& m) { impl_->write(m, label); }, measurement);
+}
+
+void RawlogWriter::write(const LidarSweep& sweep, const std::string& label) {
+  auto cloud = cloudOf(sweep);
+  impl_->put(cloud, sweep.stamp, label);
 }
 
 void RawlogWriter::close() { impl_->stream.close(); }

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 
 #include "byte_stream.hpp"
 #include "vestibule/core/errors.hpp"
@@ -66,6 +67,36 @@ Trajectory readTum(const std::string& path) {
   if (trajectory.empty())
     throw InputError(path + ": no poses; a TUM line is 't x y z qx qy qz qw'");
   return trajectory;
+}
+
+std::string formatKittiLine(const Pose3& T_map_base) {
+  const Eigen::Matrix3d R = quaternionOf(T_map_base).toRotationMatrix();
+  const std::array<double, 3> t{T_map_base.x, T_map_base.y, T_map_base.z};
+  std::string line;
+  for (int row = 0; row < 3; ++row) {
+    for (int col = 0; col < 4; ++col) {
+      char text[64];
+      const double value = col < 3 ? R(row, col) : t[static_cast<std::size_t>(row)];
+      std::snprintf(text, sizeof text, "%.9g", value == 0.0 ? 0.0 : value);
+      line += (row + col > 0 ? " " : "") + std::string(text);
+    }
+  }
+  return line + "\n";
+}
+
+std::string toGeoJson(const std::vector<Geodetic>& positions, const std::string& name) {
+  nlohmann::ordered_json feature;
+  feature["type"] = "Feature";
+  feature["properties"]["name"] = name;
+  feature["geometry"]["type"] = "LineString";
+  feature["geometry"]["coordinates"] = nlohmann::ordered_json::array();
+  for (const Geodetic& p : positions) {
+    feature["geometry"]["coordinates"].push_back({p.lon_deg, p.lat_deg, p.height_m});
+  }
+  nlohmann::ordered_json collection;
+  collection["type"] = "FeatureCollection";
+  collection["features"] = {feature};
+  return collection.dump() + "\n";
 }
 
 std::string formatTumLine(const StampedPose& pose) {

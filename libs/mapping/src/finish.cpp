@@ -21,12 +21,24 @@ constexpr double kStepFloor_per_m = 0.02;
 constexpr double kStepFloor_rad = 0.002;
 constexpr double kStepFloor_rad_per_m = 0.008;
 
+// What wheels that slip can do within a second or two, and how it shows.
+constexpr double kSlip_m = 1.0;
+constexpr double kSlip_rad = 0.35;
+constexpr double kSlipChi2 = 25.0;
+constexpr double kBrokenAgreement = 0.6;
+constexpr double kOverlapGate_m = 0.15;
 constexpr double kStill_m = 0.005;
 constexpr double kStill_rad = 0.003;
 
 ShareDone between(const ShareDone& progress, double from, double to) {
   if (!progress) return {};
   return [progress, from, to](double share) { progress(from + share * (to - from)); };
+}
+
+Eigen::Matrix3d covarianceOf(double sigma_m, double sigma_rad) {
+  Eigen::Matrix3d cov = Eigen::Matrix3d::Zero();
+  cov.diagonal() << sigma_m * sigma_m, sigma_m * sigma_m, sigma_rad * sigma_rad;
+  return cov;
 }
 
 /// Key scan k + 1 seen from k: as the estimate has it, with what scans and odometry say about its
@@ -37,13 +49,20 @@ PoseConstraint chainLink(
     std::size_t k,
     const AlignmentParams& alignment) {
   const Pose2 T = vestibule::between(nodes[keys[k].node].T_map_base, nodes[keys[k + 1].node].T_map_base);
-  const RelativePrior prior = odometryPrior(nodes, keys[k], keys[k + 1]);
+  RelativePrior prior = odometryPrior(nodes, keys[k], keys[k + 1]);
   const Quadratic q = pointToLine(keys[k].contour, keys[k + 1].contour, T, alignment);
+  const Eigen::Vector3d off(
+      T.x - prior.T_a_b.x, T.y - prior.T_a_b.y, angleDiff(T.phi, prior.T_a_b.phi));
+  const bool slipped = off.dot(prior.information * off) > kSlipChi2;
+  if (slipped) prior.information = covarianceOf(kSlip_m, kSlip_rad).inverse();
+  const Overlap seen = overlap(keys[k].contour, keys[k + 1].contour, T, kOverlapGate_m);
   const double d = translationNorm(T);
-  Eigen::Matrix3d floor = Eigen::Matrix3d::Zero();
-  const double floor_m = kStepFloor_m + kStepFloor_per_m * d;
-  const double floor_rad = kStepFloor_rad + kStepFloor_rad_per_m * d;
-  floor.diagonal() << floor_m * floor_m, floor_m * floor_m, floor_rad * floor_rad;
+  // Scans that contradict each other, or say nothing about a slip: the link may be wrong.
+  const bool broken = seen.agreement() < kBrokenAgreement;
+  const Eigen::Matrix3d floor =
+      broken ? covarianceOf(kSlip_m, kSlip_rad)
+             : covarianceOf(
+                   kStepFloor_m + kStepFloor_per_m * d, kStepFloor_rad + kStepFloor_rad_per_m * d);
   const Eigen::Matrix3d cov = (q.H + prior.information).inverse() + floor;
   return {k, k + 1, T, cov.inverse(), false};
 }
@@ -159,6 +178,10 @@ FinishResult finishMap(
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     result.largest_correction_m = std::max(
         result.largest_correction_m, distance(nodes[i].T_map_base, corrected[i].T_map_base));
+  }
+  for (Closure& c : result.closures) {
+    c.T_map_from = corrected[c.from].T_map_base;
+    c.T_map_to = corrected[c.to].T_map_base;
   }
   result.nodes = std::move(corrected);
   if (progress) progress(1.0);

@@ -11,6 +11,7 @@ void describe(ParamIo& io, Config& config) {
   io.section("mission", config.mission);
   io.section("driver", config.driver);
   io.section("mapping", config.mapping);
+  io.section("slice", config.slice);
 }
 
 Config loadConfig(const std::string& path) {

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <filesystem>
 #include <map>
+#include <sstream>
 
 #include "drive_odometry.hpp"
 #include "map_journal.hpp"
@@ -57,6 +58,7 @@ std::uint64_t identityOf(
     const std::string& path, const MapDriveOptions& options, const Config& config) {
   Config same = config;
   same.mapping.filter.threads = 0;  // the result does not depend on it
+  same.mapping.finish.threads = 0;
   std::string text = dumpParams(same);
   std::error_code error;
   text += std::to_string(std::filesystem::file_size(path, error));
@@ -195,15 +197,21 @@ class Drive {
   }
 
   MapDriveResult result() {
-    const std::vector<std::size_t> used = usedScans();
+    std::vector<std::size_t> used = usedScans();
     const std::vector<Pose2> path = filter_.bestPath();
     mapping::spreadPath(nodes_, used, path);
-    MapDriveResult r(
-        mapping::toOccupancyMap(filter_.bestMap(), config_.mapping.known_poses.margin_m));
+    mapping::PatchMap map = filter_.bestMap();
+    std::string graph_g2o = mapping::g2oOf(path);
+    std::optional<mapping::FinishResult> finished;
+    if (options_.finish) {
+      finished = finish(map, graph_g2o);
+      used = finished->keys;
+    }
+    MapDriveResult r(mapping::toOccupancyMap(map, config_.mapping.known_poses.margin_m));
     r.trajectory = inFileOrder();
-    r.quality = mapping::judgeMap(
-        filter_.bestMap(), heldOut(used), config_.mapping.filter.matcher);
-    r.graph_g2o = mapping::g2oOf(path);
+    r.quality = mapping::judgeMap(map, heldOut(used), config_.mapping.filter.matcher);
+    r.graph_g2o = std::move(graph_g2o);
+    r.finished = std::move(finished);
     r.frames = options_.before;
     int session = 1;
     for (const io::MapFrame& f : r.frames) session = std::max(session, f.session + 1);
@@ -223,6 +231,27 @@ class Drive {
     r.damage = damage_;
     if (options_.georeference) georeference(r);
     return r;
+  }
+
+  /// Corrects all nodes; map and graph become those of the key scans.
+  mapping::FinishResult finish(mapping::PatchMap& map, std::string& graph_g2o) {
+    if (options_.finishing) options_.finishing();
+    mapping::FinishResult finished = mapping::finishMap(
+        std::move(nodes_), config_.mapping.finish, [this](double share) {
+          progress_(share, toSeconds(last_ - first_));
+        });
+    nodes_ = std::move(finished.nodes);
+    std::vector<mapping::ScanNode> keys;
+    std::vector<Pose2> poses;
+    for (const std::size_t i : finished.keys) {
+      keys.push_back(nodes_[i]);
+      poses.push_back(nodes_[i].T_map_base);
+    }
+    map = mapping::mapOf(keys, config_.mapping.filter.map);
+    std::ostringstream graph;
+    mapping::writeG2o(graph, poses, finished.graph);
+    graph_g2o = graph.str();
+    return finished;
   }
 
   /// The trajectory in the order of the file, also where the scans were taken in stamp order.

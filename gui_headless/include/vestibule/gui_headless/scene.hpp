@@ -20,6 +20,13 @@ struct Scene {
   std::vector<std::pair<std::string, Pose2>> waypoints;  ///< names and T_map_waypoint
   std::vector<std::pair<Timestamp, Pose2>> reference;    ///< ground truth, stamps ascending
   std::vector<Point2> gnss_fixes;                        ///< raw fixes
+  /// Two moments of a drive that were taken for one place, rightly or not.
+  struct Closure {
+    Point2 from;
+    Point2 to;
+    bool accepted = true;
+  };
+  std::vector<Closure> closures;
 };
 
 }  // namespace vestibule::gui_headless

@@ -29,6 +29,8 @@ class RawlogWriter {
 
   /// \param label  sensor label of the record; the reader gives it back as `Record::source`
   void write(const Measurement& measurement, const std::string& label);
+  /// As CObservationPointCloud: rings and times of points are lost.
+  void write(const LidarSweep& sweep, const std::string& label);
   /// Flushes and closes; no write() after it. The destructor closes too.
   void close();
 

@@ -8,6 +8,7 @@
 #include "vestibule/io/trajectory.hpp"
 #include "vestibule/sensors/measurements.hpp"
 #include "vestibule/sensors/rig.hpp"
+#include "vestibule/sensors/sweep_slice.hpp"
 
 namespace vestibule::io {
 
@@ -18,6 +19,9 @@ struct RecordingOptions {
   /// csv_mapping_dir whose columns all occur in the header.
   std::string csv_mapping;
   std::string csv_mapping_dir;
+  /// Sweeps of lidars with several rings (Velodyne scans and point clouds of an MRPT rawlog) become
+  /// scans; empty = they are left out.
+  std::optional<SliceParams> slice;
 };
 
 /// One measurement and where it came from.

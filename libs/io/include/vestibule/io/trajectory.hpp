@@ -22,4 +22,10 @@ using Trajectory = std::vector<StampedPose>;
 /// One TUM line with its newline: nine-digit exact stamp, nine decimals, unit quaternion, qw >= 0.
 [[nodiscard]] std::string formatTumLine(const StampedPose& pose);
 
+/// One line of a KITTI pose file with its newline: the upper three rows of T_map_base. No stamp.
+[[nodiscard]] std::string formatKittiLine(const Pose3& T_map_base);
+
+/// A trajectory as a GeoJSON LineString of longitude, latitude and height.
+[[nodiscard]] std::string toGeoJson(const std::vector<Geodetic>& positions, const std::string& name);
+
 }  // namespace vestibule::io

@@ -16,10 +16,10 @@ namespace vestibule::mapping {
 /// When a place that looks like an earlier one is taken for it.
 struct ClosureParams {
   double submap_m = 5.0;       ///< [m] of travel in one submap
-  double reach_m = 8.0;        ///< [m] submaps whose centres may be this near are compared
+  double reach_m = 12.0;       ///< [m] submaps whose centres may be this near are compared
   double min_score = 0.55;     ///< of the search, 0..1
-  double min_agreement = 0.85;  ///< of the points about which the other submap says something
-  double min_matched = 0.4;    ///< share of all points on walls of the other submap
+  double min_agreement = 0.75;  ///< of the points about which the other submap says something
+  double min_matched = 0.25;   ///< share of all points on walls of the other submap
   double max_window_m = 15.0;  ///< [m] half side of the search, however uncertain the way there
   double max_window_rad = degToRad(60.0);
   /// Of the error against what the way there says, and between two closures: chi-square quantile.
@@ -57,6 +57,13 @@ enum class ClosureVerdict {
   kAlone,      ///< no second closure confirms it
   kOutvoted    ///< the optimised graph contradicts it
 };
+inline constexpr ClosureVerdict kClosureVerdicts[] = {
+    ClosureVerdict::kAccepted,
+    ClosureVerdict::kConflict,
+    ClosureVerdict::kAmbiguous,
+    ClosureVerdict::kUnlikely,
+    ClosureVerdict::kAlone,
+    ClosureVerdict::kOutvoted};
 [[nodiscard]] std::string_view toString(ClosureVerdict verdict);
 
 /// A place recognised again: node `to` seen from node `from`.
@@ -68,11 +75,13 @@ struct Closure {
   double agreement = 0.0;
   double matched = 0.0;
   double chi2 = 0.0;  ///< of its error against the way there
+  Pose2 T_map_from;   ///< of the two nodes, corrected
+  Pose2 T_map_to;
 };
 
 struct FinishResult {
   std::vector<ScanNode> nodes;    ///< with the corrected T_map_base
-  std::vector<Closure> closures;  ///< accepted and refused
+  std::vector<Closure> closures;  ///< accepted and refused ones, by `from`
   std::vector<std::size_t> keys;  ///< nodes of the pose graph
   std::vector<PoseConstraint> graph;  ///< its constraints; from and to count in `keys`
   std::size_t submaps = 0;

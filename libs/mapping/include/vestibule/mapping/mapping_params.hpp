@@ -1,5 +1,6 @@
 #pragma once
 
+#include "vestibule/mapping/finish.hpp"
 #include "vestibule/mapping/gmapping_names.hpp"
 #include "vestibule/mapping/known_poses_mapper.hpp"
 #include "vestibule/mapping/params.hpp"
@@ -10,6 +11,7 @@ namespace vestibule::mapping {
 struct MappingParams {
   KnownPosesParams known_poses;  ///< its keys stand at the top of the section
   FilterParams filter;
+  FinishParams finish;  ///< of --finish
   GmappingNames gmapping;  ///< what it names is written into `filter`
 };
 void describe(ParamIo& io, MappingParams& params);

@@ -10,6 +10,7 @@
 #include "vestibule/mrpt_adapters/reactive_driver.hpp"
 #include "vestibule/nav/mission_runner.hpp"
 #include "vestibule/sensors/rig.hpp"
+#include "vestibule/sensors/sweep_slice.hpp"
 
 namespace vestibule::pipeline {
 
@@ -23,6 +24,7 @@ struct Config {
   nav::MissionRunnerParams mission;
   mrpt_adapters::ReactiveParams driver;
   mapping::MappingParams mapping;
+  SliceParams slice;  ///< of 3D sweeps, where they become scans
 };
 void describe(ParamIo& io, Config& config);
 

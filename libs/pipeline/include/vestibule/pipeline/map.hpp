@@ -11,6 +11,7 @@
 #include "vestibule/io/map_io.hpp"
 #include "vestibule/io/recording.hpp"
 #include "vestibule/io/simple_map.hpp"
+#include "vestibule/mapping/finish.hpp"
 #include "vestibule/mapping/map_quality.hpp"
 #include "vestibule/mapping/rbpf.hpp"
 #include "vestibule/mapping/scan_node.hpp"
@@ -44,11 +45,14 @@ struct MapDriveOptions {
   /// Where the drive starts in the earlier map; empty = searched for.
   std::optional<Pose2> T_map_base_init;
   bool georeference = false;
+  bool finish = false;  ///< close loops and refine all poses when the drive is over
   /// Called every so many scans with the map so far; 0 = never.
   std::size_t preview_scans = 0;
   std::function<void(const grid::OccupancyMap&, const metrics::Trajectory&)> preview;
   /// Called after every used scan with the effective number of particles.
   std::function<void(double)> status;
+  /// Called once before the drive is finished; progress then starts anew.
+  std::function<void()> finishing;
 };
 
 /// A used scan and what it did.
@@ -67,6 +71,8 @@ struct MapDriveResult {
   std::vector<MapUpdate> updates;
   std::size_t repeated_updates = 0;    ///< taken from the journal
   mapping::MapQuality quality;
+  /// Without its nodes, whose poses are in the trajectory and the frames.
+  std::optional<mapping::FinishResult> finished;
   std::optional<io::MapGeoreference> georeference;
   double georeference_rms_m = 0.0;
   std::size_t patch_bytes = 0;  ///< of all particles' maps at the end
