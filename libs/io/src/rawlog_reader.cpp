@@ -219,9 +219,9 @@ class RawlogReader : public RecordingReader {
     } else if (const auto* imu = dynamic_cast<const CObservationIMU*>(&observation)) {
       takeImu(*imu);
     } else if (const auto sweep = slice_ ? sweepOf(observation) : std::nullopt) {
-      LaserScan scan = sliceSweep(*sweep, *slice_);
-      rig_.T_base_laser = scan.T_base_laser;
-      push(observation, std::move(scan));
+      LaserScan sliced = sliceSweep(*sweep, *slice_);
+      rig_.T_base_laser = sliced.T_base_laser;
+      push(observation, std::move(sliced));
     } else {
       ignore(observation.GetRuntimeClass()->className);
     }
