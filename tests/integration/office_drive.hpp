@@ -44,7 +44,8 @@ inline OfficeResult driveOffice(const std::string& name, std::uint64_t seed) {
   remember();
   OfficeResult result;
   Timestamp last_nees = run.simulator().time();
-  std::optional<Timestamp> lost_since;
+  bool lost = false;
+  Timestamp lost_since{};
   while (!run.finished()) {
     const auto arrived = run.step(std::chrono::milliseconds(10));
     remember();
@@ -70,11 +71,12 @@ inline OfficeResult driveOffice(const std::string& name, std::uint64_t seed) {
         const Pose2 at_scan = interpolate(before->second, after->second, share);
         result.errors_m.push_back(distance(T.mean, at_scan));
         if (result.errors_m.back() > 0.5) {
-          if (!lost_since) lost_since = scan->stamp;
+          if (!lost) lost_since = scan->stamp;
+          lost = true;
           result.longest_loss_s =
-              std::max(result.longest_loss_s, toSeconds(scan->stamp - *lost_since));
+              std::max(result.longest_loss_s, toSeconds(scan->stamp - lost_since));
         } else {
-          lost_since.reset();
+          lost = false;
         }
         if (toSeconds(scan->stamp - last_nees) >= 1.0) {
           last_nees = scan->stamp;
