@@ -63,9 +63,9 @@ TEST(Section, OfADriveWithReferenceHasErrorsEventsAndDoors) {
   RunRecorder run;
   drive.drive(run);
   const ReportSection section = sectionFromRun(run, drive.scene(), "drive", smallPicture());
-  ASSERT_EQ(section.pictures.size(), 1u);
-  // timeline, position, yaw, NIS
-  ASSERT_EQ(section.charts.size(), 4u);
+  ASSERT_EQ(section.pictures.size(), 2u) << "overview and particles over time";
+  // timeline, position, yaw, NIS, and of the particles their number, trust and spread
+  ASSERT_EQ(section.charts.size(), 7u);
   EXPECT_NE(section.charts[1].find("Position error"), std::string::npos);
   EXPECT_NE(section.charts[1].find(">west</text>"), std::string::npos) << "door marker missing";
   EXPECT_NE(section.charts[0].find("feeding 1"), std::string::npos) << "waypoint tick missing";

@@ -1,7 +1,7 @@
 #include "map_yaml.hpp"
 
-#include <cstdio>
-#include <cstdlib>
+#include <array>
+#include <charconv>
 #include <initializer_list>
 
 #include "vestibule/core/angles.hpp"
@@ -12,24 +12,15 @@ namespace {
 constexpr double kMaxResolution_m = 100.0;
 
 /// Shortest decimals that read back as the same number.
-std::string shortest(double value) {
-  char text[40];
-  for (int digits = 1; digits <= 17; ++digits) {
-    std::snprintf(text, sizeof text, "%.*g", digits, value);
-    if (std::strtod(text, nullptr) == value) break;
-  }
-  return text;
+template <class Number>
+std::string shortest(Number value) {
+  std::array<char, 40> text{};
+  const auto end = std::to_chars(text.data(), text.data() + text.size(), value);
+  return {text.data(), end.ptr};
 }
 
 /// Grids keep their cell size in single precision: 0.05 shall not come back as 0.0500000007.
-std::string shortestSingle(double value) {
-  char text[40];
-  for (int digits = 1; digits <= 9; ++digits) {
-    std::snprintf(text, sizeof text, "%.*g", digits, value);
-    if (std::strtof(text, nullptr) == static_cast<float>(value)) break;
-  }
-  return text;
-}
+std::string shortestSingle(double value) { return shortest(static_cast<float>(value)); }
 
 MapYaml finish(ParamFile& file) {
   MapYaml yaml;

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "vestibule/core/errors.hpp"
+
 namespace vestibule::pipeline {
 namespace {
 
@@ -42,10 +44,14 @@ double DriveOdometry::yawRate() const { return filter_ ? filter_->yawRate() : tw
 
 bool hasGyro(const std::string& path, const io::RecordingOptions& options) {
   const auto reader = io::openRecording(path, options);
-  for (std::size_t i = 0; i < kLookedAt; ++i) {
-    const auto record = reader->next();
-    if (!record) return false;
-    if (std::holds_alternative<Imu>(record->measurement)) return true;
+  try {
+    for (std::size_t i = 0; i < kLookedAt; ++i) {
+      const auto record = reader->next();
+      if (!record) return false;
+      if (std::holds_alternative<Imu>(record->measurement)) return true;
+    }
+  } catch (const InputError&) {
+    // A damaged recording is reported by whoever reads it for good, with what came before.
   }
   return false;
 }
