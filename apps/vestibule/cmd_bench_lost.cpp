@@ -54,7 +54,8 @@ void runBenchLost(const Arguments& args, int& exit_code) {
     const auto n = static_cast<double>(r.bins.size());
     bins.rows.push_back(
         {fixed(static_cast<double>(b) / n, 1) + " to " + fixed(static_cast<double>(b + 1) / n, 1),
-         std::to_string(r.bins[b].samples), fixed(r.bins[b].mean_probability, 3),
+         std::to_string(r.bins[b].samples),
+         fixed(r.bins[b].mean_probability, 3),
          fixed(r.bins[b].lost_share, 3)});
   }
   struct Sum {
@@ -71,7 +72,9 @@ void runBenchLost(const Arguments& args, int& exit_code) {
       "By trouble", {"trouble", "samples", "was lost", "said on average"}, {}};
   for (const auto& [trouble, sum] : by_trouble) {
     troubles.rows.push_back(
-        {std::string(pipeline::toString(trouble)), fixed(sum.n, 0), fixed(sum.lost / sum.n, 3),
+        {std::string(pipeline::toString(trouble)),
+         fixed(sum.n, 0),
+         fixed(sum.lost / sum.n, 3),
          fixed(sum.said / sum.n, 3)});
     output.summary()["troubles"][std::string(pipeline::toString(trouble))] = {
         {"samples", sum.n},
@@ -108,8 +111,12 @@ void runBenchLost(const Arguments& args, int& exit_code) {
   std::printf(
       "%zu samples, %.1f %% lost; expected calibration error %.3f (bar %.2f), Brier score %.3f\n"
       "report: %s\n",
-      samples.size(), 100.0 * r.lost_share, r.expected_calibration_error, kCalibrationBar,
-      r.brier_score, output.pathOf("report.html").c_str());
+      samples.size(),
+      100.0 * r.lost_share,
+      r.expected_calibration_error,
+      kCalibrationBar,
+      r.brier_score,
+      output.pathOf("report.html").c_str());
   exit_code = r.expected_calibration_error <= kCalibrationBar ? kDone : kFailedPurpose;
 }
 
@@ -118,7 +125,8 @@ void runBenchLost(const Arguments& args, int& exit_code) {
 void addBenchLost(CLI::App& bench, int& exit_code) {
   auto args = std::make_shared<Arguments>();
   CLI::App* command = bench.add_subcommand(
-      "lost", "crowds, kidnaps, wrong starts and wrong maps: is the probability of being lost right?");
+      "lost",
+      "crowds, kidnaps, wrong starts and wrong maps: is the probability of being lost right?");
   command->add_option("--scenario", args->scenario, "scenario with a site and a given map");
   command->add_option("--drives", args->drives, "simulated drives")->check(CLI::Range(1, 100000));
   command->add_option("--seed", args->seed, "of troubles, drives and noise");

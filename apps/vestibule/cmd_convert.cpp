@@ -135,7 +135,8 @@ std::size_t convertTrajectory(const ConvertArguments& args, const std::string& t
   const io::Trajectory trajectory = io::readTum(args.in);
   if (to == ".geojson") {
     if (args.datum.empty()) {
-      throw ConfigError("a .geojson needs --datum lat_deg,lon_deg,height_m, the map frame's origin");
+      throw ConfigError(
+          "a .geojson needs --datum lat_deg,lon_deg,height_m, the map frame's origin");
     }
     const auto v = numbers(args.datum, 3, "--datum", "lat_deg,lon_deg,height_m");
     const geo::TangentPlane plane({v[0], v[1], v[2]});
@@ -164,7 +165,8 @@ void convert(const ConvertArguments& args) {
   if (fs::equivalent(args.in, args.out, error)) {
     throw ConfigError(args.out + ": is the input; give the output another name");
   }
-  const bool from_map = from == ".yaml" || from == ".yml" || from == ".simplemap" || from == ".gridmap";
+  const bool from_map =
+      from == ".yaml" || from == ".yml" || from == ".simplemap" || from == ".gridmap";
   if (from == ".tum" && (to == ".kitti" || to == ".geojson")) {
     std::printf("%zu poses: %s\n", convertTrajectory(args, to), args.out.c_str());
   } else if (from_map && to == ".yaml") {
@@ -190,7 +192,8 @@ void addConvert(CLI::App& app, int& exit_code) {
   command->add_option("IN", args->in, "file to read")->required();
   command->add_option("OUT", args->out, "file to write; its extension says what")->required();
   command->add_option("--config", args->config, "YAML as config/default.yaml (rig, slice)");
-  command->add_option("--csv-mapping", args->csv_mapping, "YAML with the columns of a CSV recording");
+  command->add_option(
+      "--csv-mapping", args->csv_mapping, "YAML with the columns of a CSV recording");
   command->add_option(
       "--mount",
       args->mount,

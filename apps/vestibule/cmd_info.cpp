@@ -35,9 +35,7 @@ bool isMap(const std::string& path) {
 void infoOfMap(const Arguments& args) {
   const grid::OccupancyMap map = io::loadMap(args.log);
   const double all = static_cast<double>(map.width()) * static_cast<double>(map.height());
-  const auto share = [&](grid::Cell kind) {
-    return static_cast<double>(map.count(kind)) / all;
-  };
+  const auto share = [&](grid::Cell kind) { return static_cast<double>(map.count(kind)) / all; };
   const Pose2 corner = compose(map.T_map_grid(), Pose2{map.corner().x, map.corner().y, 0.0});
   Json info;
   info["map"] = args.log;
@@ -59,10 +57,19 @@ void infoOfMap(const Arguments& args) {
         "  %d x %d cells of %.4g m: %.2f x %.2f m\n"
         "  lower left corner at x %.3f m, y %.3f m, yaw %.4f rad\n"
         "  free %.1f %% (%.1f m2), occupied %.1f %%, unknown %.1f %%\n",
-        args.log.c_str(), map.width(), map.height(), map.resolution(),
-        map.width() * map.resolution(), map.height() * map.resolution(), corner.x, corner.y,
-        corner.phi, 100.0 * share(grid::Cell::kFree), info["free_m2"].get<double>(),
-        100.0 * share(grid::Cell::kOccupied), 100.0 * share(grid::Cell::kUnknown));
+        args.log.c_str(),
+        map.width(),
+        map.height(),
+        map.resolution(),
+        map.width() * map.resolution(),
+        map.height() * map.resolution(),
+        corner.x,
+        corner.y,
+        corner.phi,
+        100.0 * share(grid::Cell::kFree),
+        info["free_m2"].get<double>(),
+        100.0 * share(grid::Cell::kOccupied),
+        100.0 * share(grid::Cell::kUnknown));
   }
   if (map.count(grid::Cell::kFree) == 0) {
     std::printf("  no free cell: nothing can be localized in it; check thresholds and negate\n");
@@ -99,7 +106,8 @@ void addInfo(CLI::App& app, int& exit_code) {
       return;
     }
     if (!args->out.empty()) {
-      throw ConfigError("info --out: there is a picture of maps only; leave it out for a recording");
+      throw ConfigError(
+          "info --out: there is a picture of maps only; leave it out for a recording");
     }
     io::RecordingOptions options;
     options.csv_mapping_dir = shipped("config/csv");

@@ -81,7 +81,8 @@ gui_headless::ReportSection runLocalize(
   scene.reference = asReference(reference);
   auto section = gui_headless::sectionFromRun(output.recorder(), scene, args.title);
   section.figures = {
-      figure("probability of being lost, mean", fixed(100.0 * result.mean_lost_probability, 1), "%"),
+      figure(
+          "probability of being lost, mean", fixed(100.0 * result.mean_lost_probability, 1), "%"),
       figure("scans", std::to_string(result.trajectory.size())),
       figure("distance", fixed(result.distance_m, 1), "m"),
       figure("recording", fixed(result.data_s, 1), "s"),

@@ -68,8 +68,7 @@ void mapKnownPoses(const MapArguments& args) {
   report.command_line = "vestibule map " + args.log + " --known-poses";
   report.sections.push_back(std::move(section));
   output.report(report);
-  const double span_s =
-      toSeconds(result.trajectory.back().stamp - result.trajectory.front().stamp);
+  const double span_s = toSeconds(result.trajectory.back().stamp - result.trajectory.front().stamp);
   output.timing(wall_s, span_s);
   output.finish();
   std::printf(
@@ -174,7 +173,8 @@ void check(const MapArguments& args, bool known_poses) {
         "map: give a LOG to map, or --extend DIR with --cut N to leave a session out; see "
         "'vestibule map --help'");
   }
-  if (args.cut && args.extend.empty()) throw ConfigError("--cut needs --extend DIR, the map to cut");
+  if (args.cut && args.extend.empty())
+    throw ConfigError("--cut needs --extend DIR, the map to cut");
   if (args.init && args.extend.empty()) {
     throw ConfigError("--init is the start in the earlier map: it needs --extend DIR");
   }
@@ -206,17 +206,21 @@ void addMap(CLI::App& app, int& exit_code) {
       "--gmapping-params", o->args.gmapping_params, "YAML of GMapping parameters by their names");
   command->add_option("--particles", o->args.particles, "number of particles")
       ->check(CLI::Range(1, 10000));
-  command->add_option("--extend", o->args.extend, "output folder of a map run to add this drive to");
+  command->add_option(
+      "--extend", o->args.extend, "output folder of a map run to add this drive to");
   command->add_option("--init", o->init, "start pose x_m,y_m,yaw_rad in the map to extend");
   command->add_option("--cut", o->args.cut, "leave this session of the map to extend out")
       ->check(CLI::PositiveNumber);
   command->add_flag("--resume", o->args.resume, "go on where a killed run in --out stopped");
   command->add_flag(
-      "--georeference", o->args.georeference, "datum and pose of the map from GNSS in the recording");
+      "--georeference",
+      o->args.georeference,
+      "datum and pose of the map from GNSS in the recording");
   command->add_flag(
       "--finish", o->args.finish, "close loops and refine all poses when the drive is over");
-  command->add_option(
-      "--preview", o->args.preview_scans, "draw OUT/preview.png every so many scans; 0 = never")
+  command
+      ->add_option(
+          "--preview", o->args.preview_scans, "draw OUT/preview.png every so many scans; 0 = never")
       ->check(CLI::NonNegativeNumber);
   command->add_option("--out", o->args.out, "output folder")->required();
   command->callback([o, &exit_code] {

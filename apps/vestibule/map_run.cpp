@@ -39,7 +39,8 @@ std::string previewOf(const grid::OccupancyMap& map, const metrics::Trajectory& 
   return gui_headless::renderOverview(recorder, scene, style);
 }
 
-std::string effectiveParticlesChart(const std::vector<pipeline::MapUpdate>& updates, int particles) {
+std::string effectiveParticlesChart(
+    const std::vector<pipeline::MapUpdate>& updates, int particles) {
   gui_headless::LineChart chart;
   chart.title = "Effective particles before resampling";
   chart.y_label = "Neff";
@@ -110,8 +111,7 @@ void summarise(const pipeline::MapDriveResult& r, const pipeline::Config& config
   s["notes"] = r.notes;
 }
 
-void addFinish(
-    const mapping::FinishResult& finished, gui_headless::ReportSection& section) {
+void addFinish(const mapping::FinishResult& finished, gui_headless::ReportSection& section) {
   using mapping::ClosureVerdict;
   const std::size_t accepted = finished.count(ClosureVerdict::kAccepted);
   section.figures.push_back(figure("places recognised again", std::to_string(accepted)));
@@ -230,7 +230,8 @@ std::pair<pipeline::MapDriveResult, gui_headless::ReportSection> runMap(
           "held-out scans, beams on walls",
           fixed(100.0 * result.quality.held_out_matched_share, 1),
           "%"),
-      figure("scans that contradict the odometry", std::to_string(int{s["odometry_contradicted"]}))};
+      figure(
+          "scans that contradict the odometry", std::to_string(int{s["odometry_contradicted"]}))};
   if (result.georeference) {
     section.figures.push_back(
         figure("georeference, RMS of the fixes", fixed(result.georeference_rms_m, 2), "m"));

@@ -36,7 +36,11 @@ View viewOf(const ParticleSnapshot& snapshot, const cv::Rect2d& area) {
 }
 
 void drawPanel(
-    Canvas& canvas, const ParticleSnapshot& snapshot, const Scene& scene, double since_s, double x,
+    Canvas& canvas,
+    const ParticleSnapshot& snapshot,
+    const Scene& scene,
+    double since_s,
+    double x,
     double y) {
   const cv::Rect2d area(x, y, kPanel, kPanel);
   const View view = viewOf(snapshot, area);
@@ -51,7 +55,9 @@ void drawPanel(
         const Canvas::Px at = view(T);
         canvas.fillCircle(at, 1.6, palette::kParticle);
         canvas.line(
-            at, {at.x + 7.0 * std::cos(T.phi), at.y - 7.0 * std::sin(T.phi)}, palette::kParticle,
+            at,
+            {at.x + 7.0 * std::cos(T.phi), at.y - 7.0 * std::sin(T.phi)},
+            palette::kParticle,
             0.7);
       }
     });
@@ -59,12 +65,12 @@ void drawPanel(
     drawScaleBar(canvas, view, labels);
   });
   canvas.strokeRect(area, palette::kLine, 1.0);
-  canvas.text(
-      fixed(since_s, 1) + " s", {x, y + kPanel + 16.0}, {13.0, palette::kInk, true, false});
+  canvas.text(fixed(since_s, 1) + " s", {x, y + kPanel + 16.0}, {13.0, palette::kInk, true, false});
   canvas.text(
       std::to_string(snapshot.count) + " particles, spread " + fixed(snapshot.spread_m, 2) +
           " m, lost " + fixed(100.0 * snapshot.lost_probability, 0) + " %",
-      {x, y + kPanel + 32.0}, {11.5, palette::kMuted, false, false});
+      {x, y + kPanel + 32.0},
+      {11.5, palette::kMuted, false, false});
 }
 
 }  // namespace
@@ -79,12 +85,17 @@ std::string renderFilmstrip(const RunRecorder& run, const Scene& scene) {
   const double height = rows * (kPanel + kCaption + kGap) + kGap;
   Canvas canvas(
       static_cast<int>(std::lround(kDensity * width)),
-      static_cast<int>(std::lround(kDensity * height)), kDensity, palette::kPaper);
+      static_cast<int>(std::lround(kDensity * height)),
+      kDensity,
+      palette::kPaper);
   for (std::size_t k = 0; k < n; ++k) {
     const std::size_t i = n == 1 ? 0 : k * (snapshots.size() - 1) / (n - 1);
     const double since_s = toSeconds(snapshots[i].stamp - snapshots.front().stamp);
     drawPanel(
-        canvas, snapshots[i], scene, since_s,
+        canvas,
+        snapshots[i],
+        scene,
+        since_s,
         kGap + static_cast<double>(k % static_cast<std::size_t>(columns)) * (kPanel + kGap),
         kGap + static_cast<double>(k / static_cast<std::size_t>(columns)) *
                    (kPanel + kCaption + kGap));

@@ -154,25 +154,29 @@ class SectionBuilder {
   [[nodiscard]] std::string particleTrustChart() const {
     LineChart chart = timeChart("Trust in the particles", "share");
     chart.series.push_back(
-        {"beams on mapped obstacles", SeriesLook::kEstimate,
-         overTime([](const ParticleSample& s) { return s.inlier_share; })});
+        {"beams on mapped obstacles", SeriesLook::kEstimate, overTime([](const ParticleSample& s) {
+           return s.inlier_share;
+         })});
     chart.series.push_back(
-        {"probability of being lost", SeriesLook::kSecond,
-         overTime([](const ParticleSample& s) { return s.lost_probability; })});
+        {"probability of being lost", SeriesLook::kSecond, overTime([](const ParticleSample& s) {
+           return s.lost_probability;
+         })});
     return lineChart(chart);
   }
   [[nodiscard]] std::string particleSpreadChart() const {
     LineChart chart = timeChart("Spread of the particles", "one sigma [m]");
     chart.series.push_back(
-        {"position", SeriesLook::kEstimate,
-         overTime([](const ParticleSample& s) { return s.spread_m; })});
+        {"position", SeriesLook::kEstimate, overTime([](const ParticleSample& s) {
+           return s.spread_m;
+         })});
     return lineChart(chart);
   }
   [[nodiscard]] std::string particleCountChart() const {
     LineChart chart = timeChart("Number of particles", "particles");
     chart.series.push_back(
-        {"particles", SeriesLook::kEstimate,
-         overTime([](const ParticleSample& s) { return static_cast<double>(s.count); })});
+        {"particles", SeriesLook::kEstimate, overTime([](const ParticleSample& s) {
+           return static_cast<double>(s.count);
+         })});
     return lineChart(chart);
   }
 

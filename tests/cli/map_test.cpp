@@ -40,7 +40,8 @@ class MapDrive : public Cli {
   }
 
   void expectSameMaps(const std::string& a, const std::string& b) const {
-    for (const char* name : {"map.pgm", "map.yaml", "trajectory.tum", "graph.g2o", "summary.json"}) {
+    for (const char* name :
+         {"map.pgm", "map.yaml", "trajectory.tum", "graph.g2o", "summary.json"}) {
       EXPECT_EQ(readFile(path(a + "/" + name)), readFile(path(b + "/" + name))) << name;
     }
   }
@@ -57,8 +58,8 @@ TEST_F(MapDrive, MakesAMapThatOthersCanRead) {
   for (std::size_t i = 0; i < poses.size(); ++i) {
     EXPECT_EQ(poses[i].stamp, drive_.stamps[i]) << "line " << i + 1;
     const Pose2 truth = between(drive_.poses.front(), drive_.poses[i]);
-    worst_m = std::max(
-        worst_m, distance(between(toPose2(poses.front().T), toPose2(poses[i].T)), truth));
+    worst_m =
+        std::max(worst_m, distance(between(toPose2(poses.front().T), toPose2(poses[i].T)), truth));
   }
   EXPECT_LT(worst_m, 0.05);
   // AND the room of 9 x 7 m in both kinds of map
@@ -66,7 +67,8 @@ TEST_F(MapDrive, MakesAMapThatOthersCanRead) {
   EXPECT_GT(static_cast<double>(grid.count(grid::Cell::kFree)) * 0.0025, 50.0);
   EXPECT_GT(grid.count(grid::Cell::kOccupied), 400U);
   EXPECT_EQ(
-      io::readSimpleMap(path("out/map.simplemap")).size(), summary("out")["scans_used"].get<std::size_t>());
+      io::readSimpleMap(path("out/map.simplemap")).size(),
+      summary("out")["scans_used"].get<std::size_t>());
   EXPECT_THAT(readFile(path("out/graph.g2o")), HasSubstr("VERTEX_SE2 1 "));
   EXPECT_THAT(readFile(path("out/report.html")), HasSubstr("Effective particles"));
   EXPECT_EQ(summary("out")["particles"], 5);
@@ -85,7 +87,8 @@ TEST_F(MapDrive, KilledAndResumedItGivesTheSame) {
       ChildProcess process(
           commandLine({"map", path("raw.log"), "--out", path("killed")}), folder_.path());
       std::error_code error;
-      while (process.running() && !(fs::exists(journal) && fs::file_size(journal, error) > wanted)) {
+      while (process.running() &&
+             !(fs::exists(journal) && fs::file_size(journal, error) > wanted)) {
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
       }
       process.sendSignal(SIGKILL);
@@ -101,15 +104,14 @@ TEST_F(MapDrive, KilledAndResumedItGivesTheSame) {
 }
 
 TEST_F(MapDrive, ResumeRefusesTheJournalOfAnotherRun) {
-  ChildProcess process(
-      commandLine({"map", path("raw.log"), "--out", path("out")}), folder_.path());
+  ChildProcess process(commandLine({"map", path("raw.log"), "--out", path("out")}), folder_.path());
   while (process.running() && !fs::exists(path("out/map.journal"))) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   process.sendSignal(SIGKILL);
   (void)process.wait();
-  const CommandResult result = run(
-      {"map", path("raw.log"), "--particles", "3", "--resume", "--out", path("out")});
+  const CommandResult result =
+      run({"map", path("raw.log"), "--particles", "3", "--resume", "--out", path("out")});
   EXPECT_EQ(result.exit_code, 2);
   EXPECT_THAT(result.err, HasSubstr("map.journal: is of a run with another recording"));
 }
@@ -123,9 +125,11 @@ TEST_F(MapDrive, ASecondDriveIsAddedAndCutOutAgain) {
   EXPECT_EQ(frames.front().session, 1);
   EXPECT_EQ(frames.back().session, 2);
   // The same drive again lies on the first one.
-  EXPECT_LT(distance(frames.back().T_map_base,
-                     io::readSimpleMap(path("first/map.simplemap")).back().T_map_base),
-            0.05);
+  EXPECT_LT(
+      distance(
+          frames.back().T_map_base,
+          io::readSimpleMap(path("first/map.simplemap")).back().T_map_base),
+      0.05);
   const CommandResult cut =
       run({"map", "--extend", path("both"), "--cut", "2", "--out", path("cut")});
   EXPECT_EQ(cut.exit_code, 0) << cut.err;
@@ -153,8 +157,7 @@ TEST_F(MapDrive, GmappingParametersByTheirNames) {
   const std::string params = file("gmapping.yaml", "particles: 4\nlinearUpdate: 0.5\nxmin: -10\n");
   ASSERT_NO_FATAL_FAILURE(map("out", {"--gmapping-params", params}));
   EXPECT_EQ(summary("out")["particles"], 4);
-  EXPECT_THAT(
-      summary("out")["notes"].dump(), HasSubstr("gmapping: xmin has no counterpart here"));
+  EXPECT_THAT(summary("out")["notes"].dump(), HasSubstr("gmapping: xmin has no counterpart here"));
   EXPECT_THAT(readFile(path("out/config.resolved.yaml")), HasSubstr("update_d_m: 0.5"));
   const std::string wrong = file("wrong.yaml", "particels: 4\n");
   const CommandResult result =

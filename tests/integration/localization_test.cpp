@@ -41,7 +41,12 @@ TEST(Localization, NoisyRangesInACleanMap) {
   // WHEN the recording with a range noise of 0.30 m is localized in it
   const auto truth = truthOf("range_030_bearing_015");
   const auto result = pipeline::localize(
-      kRecordings + "range_030_bearing_015.rawlog", {}, map, truth.at(0), {}, {},
+      kRecordings + "range_030_bearing_015.rawlog",
+      {},
+      map,
+      truth.at(0),
+      {},
+      {},
       [](double, double) {});
   // THEN it is right to a few centimetres. Its truth runs ahead of scans and odometry by up to
   // 0.3 m in the steps in which the recorder stalled, hence no limit on the largest error.

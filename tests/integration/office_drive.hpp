@@ -62,8 +62,9 @@ inline OfficeResult driveOffice(const std::string& name, std::uint64_t seed) {
       } else if (const auto* scan = std::get_if<LaserScan>(&delivered.measurement)) {
         const PoseWithCovariance T = localizer.process(*scan).T_map_base;
         const auto after = std::lower_bound(
-            truth.begin(), truth.end(), scan->stamp,
-            [](const auto& t, Timestamp stamp) { return t.first < stamp; });
+            truth.begin(), truth.end(), scan->stamp, [](const auto& t, Timestamp stamp) {
+              return t.first < stamp;
+            });
         if (after == truth.begin() || after == truth.end()) continue;
         const auto before = std::prev(after);
         const double share =

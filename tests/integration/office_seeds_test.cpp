@@ -27,8 +27,13 @@ TEST_P(OfficeSeeds, AccurateNeverLostAndAsWrongAsItSays) {
   const auto figures = metrics::statistics(errors_m);
   const double nees = nees_sum / static_cast<double>(nees_count);
   std::printf(
-      "%s: RMSE %.4f m, 95 %% %.4f, max %.4f; NEES %.2f of %zu\n", GetParam(), figures.rmse,
-      figures.p95, figures.max, nees, nees_count);
+      "%s: RMSE %.4f m, 95 %% %.4f, max %.4f; NEES %.2f of %zu\n",
+      GetParam(),
+      figures.rmse,
+      figures.p95,
+      figures.max,
+      nees,
+      nees_count);
   EXPECT_LE(figures.rmse, 0.022) << "[m]";
   // Errors of the map are the same at every visit: the samples are far from independent, and the
   // bounds of as many independent ones would be too narrow.

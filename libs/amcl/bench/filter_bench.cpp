@@ -77,11 +77,9 @@ std::vector<Point2> endsOf(const mrpt::obs::CObservation2DRangeScan& scan) {
   const std::size_t n = scan.getScanSize();
   for (std::size_t i = 0; i < n; ++i) {
     const double aperture = static_cast<double>(scan.aperture);
-    const double angle =
-        aperture * (static_cast<double>(i) / static_cast<double>(n - 1) - 0.5);
+    const double angle = aperture * (static_cast<double>(i) / static_cast<double>(n - 1) - 0.5);
     const auto range = static_cast<double>(scan.getScanRange(i));
-    ends.push_back(
-        {scan.sensorPose.x() + range * std::cos(angle), range * std::sin(angle)});
+    ends.push_back({scan.sensorPose.x() + range * std::cos(angle), range * std::sin(angle)});
   }
   return ends;
 }

@@ -81,8 +81,8 @@ Clusters findClusters(const ParticleSet& particles, double bin_m, double bin_rad
   for (std::size_t b = 0; b < used.size(); ++b) {
     // Half of the 26 neighbours; the other half looks this way itself.
     for (int code = 14; code < 27; ++code) {
-      const std::size_t other = indexOf(
-          bins.neighbour(used[b], code / 9 - 1, code / 3 % 3 - 1, code % 3 - 1));
+      const std::size_t other =
+          indexOf(bins.neighbour(used[b], code / 9 - 1, code / 3 % 3 - 1, code % 3 - 1));
       if (other != used.size()) parent[rootOf(parent, other)] = rootOf(parent, b);
     }
   }

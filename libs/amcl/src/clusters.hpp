@@ -12,7 +12,7 @@ struct Clusters {
     double weight = 0.0;  ///< share of all
     PoseWithCovariance T_grid_base;
   };
-  std::vector<int> label;  ///< per particle, an index into `clusters`
+  std::vector<int> label;     ///< per particle, an index into `clusters`
   std::vector<One> clusters;  ///< by falling weight
 };
 

@@ -60,8 +60,8 @@ VESTIBULE_INLINE void sineCosine(const Floats& angle, Floats& sine, Floats& cosi
     const float r = (angle[i] - q * kQuarterHigh) - q * kQuarterLow;
     const float r2 = r * r;
     const float s =
-        r * (1.0F + r2 * (-1.0F / 6.0F +
-                          r2 * (1.0F / 120.0F + r2 * (-1.0F / 5040.0F + r2 / 362880.0F))));
+        r * (1.0F +
+             r2 * (-1.0F / 6.0F + r2 * (1.0F / 120.0F + r2 * (-1.0F / 5040.0F + r2 / 362880.0F))));
     const float c =
         1.0F + r2 * (-0.5F + r2 * (1.0F / 24.0F + r2 * (-1.0F / 720.0F + r2 / 40320.0F)));
     const bool swap = (quarter & 1) != 0;
@@ -77,8 +77,8 @@ VESTIBULE_INLINE void normals(const Words& first, const Words& second, Floats& z
   Floats radius;
   for (std::size_t i = 0; i < kLanes; ++i) {
     // Uniform in (0, 1] with 24 bits, then its logarithm: exponent and 2 atanh((m - 1) / (m + 1)).
-    const float u = static_cast<float>(static_cast<std::int32_t>((first[i] >> 8U) + 1U)) *
-                    (1.0F / 16777216.0F);
+    const float u =
+        static_cast<float>(static_cast<std::int32_t>((first[i] >> 8U) + 1U)) * (1.0F / 16777216.0F);
     std::uint32_t bits = 0;
     std::memcpy(&bits, &u, sizeof bits);
     // Mantissa in [sqrt(1/2), sqrt(2)): the offset moves the seam there.
@@ -228,8 +228,7 @@ VESTIBULE_AVX2 void sumAvx2(
         iy = _mm256_min_epi32(_mm256_max_epi32(iy, zero), last_y);
       }
       const __m256i index = _mm256_add_epi32(_mm256_mullo_epi32(iy, width), ix);
-      const __m256i pair =
-          _mm256_i32gather_epi32(reinterpret_cast<const int*>(t.values), index, 2);
+      const __m256i pair = _mm256_i32gather_epi32(reinterpret_cast<const int*>(t.values), index, 2);
       total = _mm256_add_epi32(total, _mm256_and_si256(pair, low_half));
     }
     std::array<std::uint32_t, kLanes> lanes;
@@ -280,13 +279,11 @@ void sumOverBeams(
     [[maybe_unused]] Simd simd) {
 #if VESTIBULE_HAS_AVX2_KERNELS
   if (simd == Simd::kAvx2) {
-    (inside ? sumAvx2<true> : sumAvx2<false>)(
-        table, beam_x, beam_y, beams, x, y, count, sum);
+    (inside ? sumAvx2<true> : sumAvx2<false>)(table, beam_x, beam_y, beams, x, y, count, sum);
     return;
   }
 #endif
-  (inside ? sumPortable<true> : sumPortable<false>)(
-      table, beam_x, beam_y, beams, x, y, count, sum);
+  (inside ? sumPortable<true> : sumPortable<false>)(table, beam_x, beam_y, beams, x, y, count, sum);
 }
 
 }  // namespace vestibule::amcl

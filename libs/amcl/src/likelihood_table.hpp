@@ -39,8 +39,8 @@ class LikelihoodTable {
   }
 
   /// Log-likelihood of beam ends in base axes at a pose of the grid frame.
-  [[nodiscard]] double logLikelihood(const Pose2& T_grid_base, const std::vector<Point2>& ends)
-      const;
+  [[nodiscard]] double logLikelihood(
+      const Pose2& T_grid_base, const std::vector<Point2>& ends) const;
 
  private:
   [[nodiscard]] std::int32_t fixed(float from_corner_m) const {

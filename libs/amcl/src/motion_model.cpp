@@ -21,15 +21,15 @@ PoseWithCovariance likelyMotion(const Motion& motion, const MotionNoise& noise) 
       across += squared(noise.lateral_per_trans * d);
       break;
     case MotionModel::kOmni:
-      across += squared(noise.trans_per_trans * d) +
-                squared(noise.trans_per_rot * motion.turned_rad);
+      across +=
+          squared(noise.trans_per_trans * d) + squared(noise.trans_per_rot * motion.turned_rad);
       break;
     case MotionModel::kSkidSteer:
       // The robot turns about a point off its base frame's y axis: the base slips sideways.
-      result.mean = compose(
-          motion.T_from_to, Pose2{0.0, -motion.T_from_to.phi * noise.icr_x_m, 0.0});
-      across += squared(noise.lateral_per_trans * d) +
-                squared(noise.lateral_per_rot * motion.turned_rad);
+      result.mean =
+          compose(motion.T_from_to, Pose2{0.0, -motion.T_from_to.phi * noise.icr_x_m, 0.0});
+      across +=
+          squared(noise.lateral_per_trans * d) + squared(noise.lateral_per_rot * motion.turned_rad);
       break;
   }
   const double gyro_share =
@@ -46,9 +46,8 @@ PoseWithCovariance likelyMotion(const Motion& motion, const MotionNoise& noise) 
   path(1, 1) = across + half_m * half_m * turn;
   path(1, 2) = path(2, 1) = half_m * turn;
   path(2, 2) = turn;
-  const double direction =
-      half_m > 1e-6 ? std::atan2(motion.T_from_to.y, motion.T_from_to.x)
-                    : 0.5 * motion.T_from_to.phi;
+  const double direction = half_m > 1e-6 ? std::atan2(motion.T_from_to.y, motion.T_from_to.x)
+                                         : 0.5 * motion.T_from_to.phi;
   Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
   R(0, 0) = R(1, 1) = std::cos(direction);
   R(1, 0) = std::sin(direction);

@@ -13,7 +13,8 @@ constexpr double kLongestPeriod_s = 0.3;
 
 void OdometryTrack::add(const WheelOdometry& odometry) {
   if (!path_.empty() && odometry.stamp < path_.back().stamp) path_.clear();
-  if (path_.empty()) path_.push_back({odometry.stamp - durationFromSeconds(odometry.dt_s), T_odom_base_});
+  if (path_.empty())
+    path_.push_back({odometry.stamp - durationFromSeconds(odometry.dt_s), T_odom_base_});
   T_odom_base_ = compose(T_odom_base_, odometry.T_previous_now);
   path_.push_back({odometry.stamp, T_odom_base_});
   while (toSeconds(odometry.stamp - path_.front().stamp) > kRemembered_s) path_.pop_front();
@@ -33,8 +34,7 @@ Pose2 OdometryTrack::at(Timestamp stamp) const {
   const auto after = std::upper_bound(
       path_.begin(), path_.end(), stamp, [](Timestamp t, const Stamped& s) { return t < s.stamp; });
   const auto before = std::prev(after);
-  const double share =
-      toSeconds(stamp - before->stamp) / toSeconds(after->stamp - before->stamp);
+  const double share = toSeconds(stamp - before->stamp) / toSeconds(after->stamp - before->stamp);
   return interpolate(before->T_odom_base, after->T_odom_base, share);
 }
 

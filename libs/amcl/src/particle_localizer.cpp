@@ -38,10 +38,10 @@ constexpr double kClusterShare = 0.02;  ///< places with less of the weight are 
 constexpr double kOtherPlaceChi2 = 16.27;
 constexpr double kOtherPlaceMargin = 1.0;
 
-constexpr double kSurprisingChi2 = 9.49;  // chi-square of four degrees of freedom, 5 %
-constexpr double kSlipCost = 4.6;         // slips happen in one of a hundred updates
-constexpr double kMisfit = 0.8;        // share of the usual fitting share
-constexpr double kSearchMargin = 2.0;  // [log]
+constexpr double kSurprisingChi2 = 9.49;      // chi-square of four degrees of freedom, 5 %
+constexpr double kSlipCost = 4.6;             // slips happen in one of a hundred updates
+constexpr double kMisfit = 0.8;               // share of the usual fitting share
+constexpr double kSearchMargin = 2.0;         // [log]
 constexpr double kWallOffsetSigma_m = 0.03;   // before anything is known
 constexpr double kWallOffsetWalk_m = 0.0005;  // its change from update to update
 
@@ -105,8 +105,7 @@ double inlierShare(
     const grid::DistanceField& field,
     double inlier_distance_m,
     double max_range_m) {
-  const Pose2 T_grid_laser =
-      compose(field.T_grid_map(), compose(T_map_base, scan.T_base_laser));
+  const Pose2 T_grid_laser = compose(field.T_grid_map(), compose(T_map_base, scan.T_base_laser));
   std::size_t valid = 0;
   std::size_t inliers = 0;
   for (std::size_t i = 0; i < scan.ranges_m.size(); ++i) {
@@ -139,8 +138,8 @@ struct ParticleLocalizer::Impl {
   Timestamp last_scan;
 
   OdometryTrack odometry;
-  Pose2 T_odom_update;        // where the odometry was at the last used scan
-  double travelled_m = 0.0;   // since then
+  Pose2 T_odom_update;       // where the odometry was at the last used scan
+  double travelled_m = 0.0;  // since then
   double turned_rad = 0.0;
   double gyro_rad = 0.0;
 
@@ -151,8 +150,8 @@ struct ParticleLocalizer::Impl {
   bool odometry_missing = false;
   std::vector<Point2> p_map_unmapped;  // of the last scan
 
-  bool tracking = false;             // `estimate` is refined; otherwise it sums up the particles
-  PoseWithCovariance estimate;       // T_grid_base at the last used scan
+  bool tracking = false;              // `estimate` is refined; otherwise it sums up the particles
+  PoseWithCovariance estimate;        // T_grid_base at the last used scan
   std::vector<Clusters::One> places;  // at the last used scan, not refined
   double residual_sigma_m;
   // Of the tracked pose: offset of walls, its variance, and its covariance with the pose.
@@ -185,8 +184,7 @@ struct ParticleLocalizer::Impl {
   [[nodiscard]] NoiseKey noiseKey(NoisePurpose purpose) {
     NoiseKey key;
     const std::uint64_t hashed = derivedSeed(seed, "amcl");
-    key.seed = {
-        static_cast<std::uint32_t>(hashed), static_cast<std::uint32_t>(hashed >> 32U)};
+    key.seed = {static_cast<std::uint32_t>(hashed), static_cast<std::uint32_t>(hashed >> 32U)};
     key.purpose = purpose;
     key.step = draws++;
     return key;
@@ -230,9 +228,7 @@ struct ParticleLocalizer::Impl {
     }
   }
 
-  [[nodiscard]] double spread() const {
-    return std::sqrt(estimate.cov(0, 0) + estimate.cov(1, 1));
-  }
+  [[nodiscard]] double spread() const { return std::sqrt(estimate.cov(0, 0) + estimate.cov(1, 1)); }
 
   [[nodiscard]] PoseWithCovariance carriedTo(const Pose2& T_odom_base) const {
     Motion motion;
@@ -251,15 +247,19 @@ struct ParticleLocalizer::Impl {
   }
 
   /// Whether the scan contradicts where the odometry led the tracked pose.
-  [[nodiscard]] bool surprises(const LaserScan& scan, const std::vector<Point2>& all_ends,
-                               const Pose2& T_odom_scan) const {
+  [[nodiscard]] bool surprises(
+      const LaserScan& scan, const std::vector<Point2>& all_ends, const Pose2& T_odom_scan) const {
     if (!tracking) return false;
     const PoseWithCovariance step = likelyMotion(
         {between(T_odom_update, T_odom_scan), travelled_m, turned_rad, gyro_rad}, params.motion);
     const TrackState prior = trackState(composeBoth(estimate, step), wall_offset_cov);
     const Refinement test = refine(
-        field, spreadAlongContour(all_ends, 0.0, params.field.max_beams),
-        {scan.T_base_laser.x, scan.T_base_laser.y}, prior, prior.T_grid_base, residual_sigma_m,
+        field,
+        spreadAlongContour(all_ends, 0.0, params.field.max_beams),
+        {scan.T_base_laser.x, scan.T_base_laser.y},
+        prior,
+        prior.T_grid_base,
+        residual_sigma_m,
         params.refinement);
     return test.correction_chi2 > kSurprisingChi2;
   }
@@ -294,8 +294,7 @@ struct ParticleLocalizer::Impl {
     evidence.inlier_share = report.inlier_share;
     evidence.blocked_share = static_cast<double>(blocked) / n;
     evidence.off_map_share = static_cast<double>(off_map) / n;
-    evidence.spread_m =
-        std::sqrt(report.T_map_base.cov(0, 0) + report.T_map_base.cov(1, 1));
+    evidence.spread_m = std::sqrt(report.T_map_base.cov(0, 0) + report.T_map_base.cov(1, 1));
   }
 
   /// \param dt_s since the last scan; the first scan counts alone
@@ -403,11 +402,11 @@ struct ParticleLocalizer::Impl {
     particles.prepare({noisyIncrement(step), noiseKey(kMotionNoise), &ends});
     mrpt::bayes::CParticleFilter::TParticleFilterStats stats;
     driver.executeOn(particles, nullptr, nullptr, &stats);
-    report.effective_sample_size =
-        stats.ESS_beforeResample * static_cast<double>(particles.size());
+    report.effective_sample_size = stats.ESS_beforeResample * static_cast<double>(particles.size());
 
     const PoseWithCovariance predicted = composeBoth(estimate, step);
-    // An error of the yaw moves the pose sideways of the way, and so what it shares with the offset.
+    // An error of the yaw moves the pose sideways of the way, and so what it shares with the
+    // offset.
     Eigen::Vector3d offset_cov = wall_offset_cov;
     offset_cov.x() -= (predicted.mean.y - estimate.mean.y) * wall_offset_cov.z();
     offset_cov.y() += (predicted.mean.x - estimate.mean.x) * wall_offset_cov.z();
@@ -451,8 +450,7 @@ struct ParticleLocalizer::Impl {
     const PoseWithCovariance cloud = estimate;
     const auto from = [&](const TrackState& prior) {
       return refine(
-          field, ends, p_base_laser, prior, prior.T_grid_base, residual_sigma_m,
-          params.refinement);
+          field, ends, p_base_laser, prior, prior.T_grid_base, residual_sigma_m, params.refinement);
     };
     std::optional<Refinement> best;
     bool moved_off = false;
@@ -462,7 +460,8 @@ struct ParticleLocalizer::Impl {
       if (best->correction_chi2 > kSurprisingChi2) {
         // Perhaps the wheels slipped by far more than their noise says.
         const Refinement slipped = from(trackState(
-            withSlip(predicted, translationNorm(step.mean), std::abs(step.mean.phi)), Eigen::Vector3d::Zero()));
+            withSlip(predicted, translationNorm(step.mean), std::abs(step.mean.phi)),
+            Eigen::Vector3d::Zero()));
         if (slipped.cost + kSlipCost < best->cost) {
           best = slipped;
           moved_off = true;
@@ -541,12 +540,16 @@ struct ParticleLocalizer::Impl {
     constexpr std::size_t kTries = 3000;
     fill(tries, 0, kTries, kTries, wide, stream("amcl-around"));
     const std::vector<double>& fits = tries.logLikelihoods(ends);
-    const auto best_try = static_cast<std::size_t>(
-        std::max_element(fits.begin(), fits.end()) - fits.begin());
+    const auto best_try =
+        static_cast<std::size_t>(std::max_element(fits.begin(), fits.end()) - fits.begin());
     const double temper = params.field.effective_beams / static_cast<double>(ends.size());
     const Refinement other = refine(
-        field, spreadAlongContour(all_ends, 0.0, params.refinement.max_beams), p_base_laser,
-        trackState(wide, Eigen::Vector3d::Zero()), tries.pose(best_try), residual_sigma_m,
+        field,
+        spreadAlongContour(all_ends, 0.0, params.refinement.max_beams),
+        p_base_laser,
+        trackState(wide, Eigen::Vector3d::Zero()),
+        tries.pose(best_try),
+        residual_sigma_m,
         params.refinement);
     const double gain = temper * (table.logLikelihood(other.state.T_grid_base, ends) -
                                   table.logLikelihood(estimate.mean, ends));
@@ -586,8 +589,8 @@ struct ParticleLocalizer::Impl {
     for (int i = 0; i < 2; ++i) {
       const std::size_t bins = occupiedBins(
           particles, particles.systematicDraws(wanted, u), params.kld.bin_m, params.kld.bin_rad);
-      wanted = std::clamp(
-          kldSampleSize(bins, params.kld.epsilon, params.kld.delta), smallest, largest);
+      wanted =
+          std::clamp(kldSampleSize(bins, params.kld.epsilon, params.kld.delta), smallest, largest);
     }
     const bool enough = particles.ESS() >= params.resampling.below_effective_share;
     const bool fitting_count = wanted * 2 > now && wanted < now * 2;
@@ -606,8 +609,8 @@ struct ParticleLocalizer::Impl {
   /// Copies of one particle are spread by a kernel as wide as the cloud lets it (regularised
   /// particle filter: Musso, Oudjane, Le Gland 2001).
   void smoothen(const PoseWithCovariance& cloud) {
-    const double h = params.resampling.kernel *
-                     std::pow(static_cast<double>(particles.size()), -1.0 / 7.0);
+    const double h =
+        params.resampling.kernel * std::pow(static_cast<double>(particles.size()), -1.0 / 7.0);
     const Eigen::Matrix3d R = rotation(-cloud.mean.phi);
     PoseWithCovariance kernel;
     kernel.cov = h * h * R * cloud.cov * R.transpose();
@@ -637,8 +640,13 @@ struct ParticleLocalizer::Impl {
       poses.push_back(compose(map->T_map_grid(), particles.pose(i)));
     }
     observers->emit(ParticlesEvent{
-        stamp, poses, particles.weights(), report.effective_sample_size, report.inlier_share,
-        report.lost_probability, p_map_unmapped});
+        stamp,
+        poses,
+        particles.weights(),
+        report.effective_sample_size,
+        report.inlier_share,
+        report.lost_probability,
+        p_map_unmapped});
   }
 };
 
@@ -726,8 +734,7 @@ void ParticleLocalizer::process(const WheelOdometry& odometry, YawSource yaw_sou
 ScanReport ParticleLocalizer::process(const LaserScan& scan) {
   assert(initialised());
   Impl& s = *impl_;
-  const std::vector<Point2> ends =
-      beamEnds(scan, s.params.field.max_range_m, s.odometry.twist());
+  const std::vector<Point2> ends = beamEnds(scan, s.params.field.max_range_m, s.odometry.twist());
   const Pose2 T_odom_scan = s.odometry.at(scan.stamp);
   const Pose2 T_update_scan = between(s.T_odom_update, T_odom_scan);
   const bool moved = translationNorm(T_update_scan) >= s.params.update_min_d_m ||
@@ -740,7 +747,9 @@ ScanReport ParticleLocalizer::process(const LaserScan& scan) {
     s.last_refusal = s.report.unused_reason;
     if (!s.last_refusal.empty()) {
       s.warn(
-          scan.stamp, "scan not used: " + s.last_refusal, static_cast<double>(ends.size()),
+          scan.stamp,
+          "scan not used: " + s.last_refusal,
+          static_cast<double>(ends.size()),
           static_cast<double>(kMinBeams));
     }
   }
@@ -754,7 +763,10 @@ ScanReport ParticleLocalizer::process(const LaserScan& scan) {
 
   s.report.T_map_base = s.carriedTo(T_odom_scan);
   s.report.inlier_share = inlierShare(
-      scan, s.report.T_map_base.mean, s.field, s.params.inlier_distance_m,
+      scan,
+      s.report.T_map_base.mean,
+      s.field,
+      s.params.inlier_distance_m,
       s.params.field.max_range_m);
   const double dt_s = std::abs(toSeconds(scan.stamp - s.last_scan));
   s.collectEvidence(ends, {scan.T_base_laser.x, scan.T_base_laser.y});

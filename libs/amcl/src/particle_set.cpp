@@ -15,8 +15,9 @@ namespace {
 constexpr std::size_t kYawBins = 1800;
 constexpr std::size_t kMinPiece = 4096;  // particles worth a thread
 
-/// Calls work(begin, end) on pieces of [0, n) whose ends are multiples of `grain`: a few per thread,
-/// and one for all where there is too little for several. Pieces must not depend on each other.
+/// Calls work(begin, end) on pieces of [0, n) whose ends are multiples of `grain`: a few per
+/// thread, and one for all where there is too little for several. Pieces must not depend on each
+/// other.
 template <class Work>
 void forPieces(std::size_t n, std::size_t grain, int threads, const Work& work) {
   const std::size_t pieces =
@@ -48,8 +49,7 @@ void ParticleSet::set(std::size_t i, const Pose2& T_grid_base) {
 }
 
 Pose2 ParticleSet::pose(std::size_t i) const {
-  return {
-      static_cast<double>(x_[i]), static_cast<double>(y_[i]), static_cast<double>(yaw_[i])};
+  return {static_cast<double>(x_[i]), static_cast<double>(y_[i]), static_cast<double>(yaw_[i])};
 }
 
 void ParticleSet::diffuse(const NoisyIncrement& increment, const NoiseKey& noise) {
@@ -118,13 +118,21 @@ void ParticleSet::weigh(const std::vector<Point2>& ends) {
       const auto reach_y = std::minmax_element(beam_y.begin(), beam_y.end());
       const auto at_x = std::minmax_element(&s.x[from], &s.x[from] + (to - from));
       const auto at_y = std::minmax_element(&s.y[from], &s.y[from] + (to - from));
-      const bool inside =
-          beams > 0 && *at_x.first + *reach_x.first >= 0 && *at_y.first + *reach_y.first >= 0 &&
-          *at_x.second + *reach_x.second < (table.width << kFractionBits) &&
-          *at_y.second + *reach_y.second < (table.height << kFractionBits);
+      const bool inside = beams > 0 && *at_x.first + *reach_x.first >= 0 &&
+                          *at_y.first + *reach_y.first >= 0 &&
+                          *at_x.second + *reach_x.second < (table.width << kFractionBits) &&
+                          *at_y.second + *reach_y.second < (table.height << kFractionBits);
       sumOverBeams(
-          table, beam_x.data(), beam_y.data(), beams, &s.x[from], &s.y[from], to - from, inside,
-          &s.sum[from], simd_);
+          table,
+          beam_x.data(),
+          beam_y.data(),
+          beams,
+          &s.x[from],
+          &s.y[from],
+          to - from,
+          inside,
+          &s.sum[from],
+          simd_);
       for (std::size_t k = from; k < to; ++k) {
         log_likelihoods_[s.order[k]] = table_.logLikelihood(s.sum[k], beams);
       }

@@ -96,8 +96,8 @@ Refinement refine(
         offset_m - prior.wall_offset_m);
     A = scale * n.H + prior_information;
     Eigen::Vector4d step = -A.ldlt().solve(scale * n.g + prior_information * from_prior);
-    const double too_long = std::max(
-        step.head<2>().norm() / kLargestStep_m, std::abs(step.z()) / kLargestStep_rad);
+    const double too_long =
+        std::max(step.head<2>().norm() / kLargestStep_m, std::abs(step.z()) / kLargestStep_rad);
     if (too_long > 1.0) step /= too_long;
     T = {T.x + step.x(), T.y + step.y(), wrapToPi(T.phi + step.z())};
     offset_m += step.w();

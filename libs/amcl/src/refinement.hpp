@@ -9,7 +9,8 @@
 
 namespace vestibule::amcl {
 
-/// Pose and wall offset (see refine()) with their joint covariance: x, y [m], yaw [rad], offset [m].
+/// Pose and wall offset (see refine()) with their joint covariance: x, y [m], yaw [rad], offset
+/// [m].
 struct TrackState {
   Pose2 T_grid_base;
   double wall_offset_m = 0.0;

@@ -15,11 +15,10 @@ namespace {
 class File {
  public:
   explicit File(const std::string& text)
-      : path_(
-            (std::filesystem::temp_directory_path() /
-             (std::string("amcl_") +
-              testing::UnitTest::GetInstance()->current_test_info()->name() + ".yaml"))
-                .string()) {
+      : path_((std::filesystem::temp_directory_path() /
+               (std::string("amcl_") +
+                testing::UnitTest::GetInstance()->current_test_info()->name() + ".yaml"))
+                  .string()) {
     std::ofstream(path_) << text;
   }
   ~File() { std::filesystem::remove(path_); }
@@ -34,7 +33,8 @@ TEST(AmclNames, ReadsAFileOfNav2) {
       "amcl:\n  ros__parameters:\n    alpha1: 0.04\n    alpha3: 0.09\n    sigma_hit: 0.2\n"
       "    max_beams: 60\n    pf_z: 0.99\n    do_beamskip: false\n    update_min_d: 0.25\n"
       "    robot_model_type: \"nav2_amcl::OmniMotionModel\"\n    tf_broadcast: true\n"
-      "    set_initial_pose: true\n    initial_pose: {x: 1.0, y: -2.0, yaw: 0.5}\n    nonsense: 3\n");
+      "    set_initial_pose: true\n    initial_pose: {x: 1.0, y: -2.0, yaw: 0.5}\n    nonsense: "
+      "3\n");
   AmclParams params;
   const AmclNames names = applyAmclFile(file.path(), params);
   EXPECT_NEAR(params.motion.rot_per_rot, 0.2, 1e-12);  // a variance there, a sigma here

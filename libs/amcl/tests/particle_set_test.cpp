@@ -154,7 +154,8 @@ TEST(Clusters, TellPlacesApartAcrossTheWrapOfYaw) {
     const bool first = i % 3 != 0;
     particles.set(
         i,
-        {rng.normal(first ? 2.0 : 7.0, 0.1), rng.normal(3.0, 0.1),
+        {rng.normal(first ? 2.0 : 7.0, 0.1),
+         rng.normal(3.0, 0.1),
          rng.normal(first ? kPi : 0.0, 0.1)});
   }
   particles.normalizeWeights();

@@ -32,8 +32,7 @@ Pose2 fitRigid(const std::vector<GeoPair>& pairs, const std::vector<double>& wei
   double along = 0.0;
   double across = 0.0;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const Eigen::Vector2d a =
-        Eigen::Vector2d(pairs[i].p_grid.x, pairs[i].p_grid.y) - mean_grid;
+    const Eigen::Vector2d a = Eigen::Vector2d(pairs[i].p_grid.x, pairs[i].p_grid.y) - mean_grid;
     const Eigen::Vector2d b = pairs[i].p_enu - mean_enu;
     along += weights[i] * a.dot(b);
     across += weights[i] * (a.x() * b.y() - a.y() * b.x());
@@ -51,8 +50,7 @@ std::optional<GeoreferenceFit> fitGeoreference(
   double span = 0.0;
   for (const GeoPair& pair : pairs) {
     span = std::max(
-        span,
-        std::hypot(pair.p_grid.x - pairs[0].p_grid.x, pair.p_grid.y - pairs[0].p_grid.y));
+        span, std::hypot(pair.p_grid.x - pairs[0].p_grid.x, pair.p_grid.y - pairs[0].p_grid.y));
   }
   if (span < min_span_m) return std::nullopt;
 

@@ -1,8 +1,8 @@
 #include "vestibule/geo/georeference.hpp"
 
-#include <Eigen/LU>
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <cmath>
 
 #include "vestibule/core/angles.hpp"
@@ -21,8 +21,7 @@ std::vector<GeoPair> loop(double sigma_m, std::uint64_t seed) {
     const double t = 2.0 * kPi * i / 200.0;
     const Point2 p{20.0 * std::cos(t), 12.0 * std::sin(t)};
     const Point2 q = transform(kTruth, p);
-    pairs.push_back(
-        {{q.x + rng.normal(0.0, sigma_m), q.y + rng.normal(0.0, sigma_m)}, p, sigma_m});
+    pairs.push_back({{q.x + rng.normal(0.0, sigma_m), q.y + rng.normal(0.0, sigma_m)}, p, sigma_m});
   }
   return pairs;
 }

@@ -43,7 +43,9 @@ void DistanceField::update(const OccupancyMap& map, const CellBox& changed) {
 bool DistanceField::updateWithin(const OccupancyMap& map, const CellBox& changed, int reach) {
   const auto grown = [&](const CellBox& box, int by) {
     return CellBox{
-        std::max(0, box.x0 - by), std::max(0, box.y0 - by), std::min(width_ - 1, box.x1 + by),
+        std::max(0, box.x0 - by),
+        std::max(0, box.y0 - by),
+        std::min(width_ - 1, box.x1 + by),
         std::min(height_ - 1, box.y1 + by)};
   };
   const CellBox inner = grown(changed, reach);

@@ -44,7 +44,8 @@ void describe(ParamIo& io, MapGeoreference& g) {
     return;
   }
   for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) g.cov(i, j) = rows[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];
+    for (int j = 0; j < 3; ++j)
+      g.cov(i, j) = rows[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];
   }
 }
 
@@ -106,11 +107,13 @@ std::string formatMapYaml(
     for (const double value : values) items += (items.empty() ? "" : ", ") + shortest(value);
     return "[" + items + "]";
   };
-  text += "georeference:  # T_map_grid: x_m, y_m, yaw_deg of the grid in ENU at the datum\n  datum: " +
-          list({g.datum.lat_deg, g.datum.lon_deg, g.datum.height_m}) + "\n  T_map_grid: " +
-          list({g.T_map_grid.x, g.T_map_grid.y, radToDeg(g.T_map_grid.phi)}) +
-          "\n  covariance:  # x, y [m^2], yaw [rad^2]\n";
-  for (int i = 0; i < 3; ++i) text += "    - " + list({g.cov(i, 0), g.cov(i, 1), g.cov(i, 2)}) + "\n";
+  text +=
+      "georeference:  # T_map_grid: x_m, y_m, yaw_deg of the grid in ENU at the datum\n  datum: " +
+      list({g.datum.lat_deg, g.datum.lon_deg, g.datum.height_m}) +
+      "\n  T_map_grid: " + list({g.T_map_grid.x, g.T_map_grid.y, radToDeg(g.T_map_grid.phi)}) +
+      "\n  covariance:  # x, y [m^2], yaw [rad^2]\n";
+  for (int i = 0; i < 3; ++i)
+    text += "    - " + list({g.cov(i, 0), g.cov(i, 1), g.cov(i, 2)}) + "\n";
   return text;
 }
 

@@ -50,8 +50,7 @@ LidarSweep sweepOf(const mrpt::obs::CObservationPointCloud& cloud) {
 
 std::optional<LidarSweep> sweepOf(const mrpt::obs::CObservation& observation) {
   std::optional<LidarSweep> sweep;
-  if (const auto* scan =
-          dynamic_cast<const mrpt::obs::CObservationVelodyneScan*>(&observation)) {
+  if (const auto* scan = dynamic_cast<const mrpt::obs::CObservationVelodyneScan*>(&observation)) {
     sweep = sweepOf(*scan);
   } else if (
       const auto* cloud = dynamic_cast<const mrpt::obs::CObservationPointCloud*>(&observation)) {

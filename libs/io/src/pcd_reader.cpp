@@ -32,8 +32,8 @@ struct Header {
   std::string data;  // ascii, binary, binary_compressed
 
   [[nodiscard]] const Field* field(std::string_view name) const {
-    const auto it = std::find_if(
-        fields.begin(), fields.end(), [&](const Field& f) { return f.name == name; });
+    const auto it =
+        std::find_if(fields.begin(), fields.end(), [&](const Field& f) { return f.name == name; });
     return it == fields.end() ? nullptr : &*it;
   }
 };
@@ -88,8 +88,9 @@ Header readHeader(PcdText& text) {
   std::vector<std::string_view> words;
   const auto perField = [&](const auto& set) {
     if (words.size() != header.fields.size() + 1) {
-      text.fail(std::string(words[0]) + " has " + std::to_string(words.size() - 1) +
-                " words for " + std::to_string(header.fields.size()) + " FIELDS");
+      text.fail(
+          std::string(words[0]) + " has " + std::to_string(words.size() - 1) + " words for " +
+          std::to_string(header.fields.size()) + " FIELDS");
     }
     for (std::size_t i = 0; i < header.fields.size(); ++i) set(header.fields[i], words[i + 1]);
   };
@@ -223,21 +224,24 @@ void readAscii(const Header& header, PcdText& text, LidarSweep& sweep) {
   while (rows.size() < header.points) {
     const auto line = text.line();
     if (!line) {
-      text.fail("end of the file after " + std::to_string(rows.size()) + " of " +
-                std::to_string(header.points) + " points; it is cut off");
+      text.fail(
+          "end of the file after " + std::to_string(rows.size()) + " of " +
+          std::to_string(header.points) + " points; it is cut off");
     }
     splitWords(*line, words);
     if (words.empty()) continue;
     if (words.size() != header.columns) {
-      text.fail("point of " + std::to_string(words.size()) + " words instead of " +
-                std::to_string(header.columns));
+      text.fail(
+          "point of " + std::to_string(words.size()) + " words instead of " +
+          std::to_string(header.columns));
     }
     std::vector<double>& row = rows.emplace_back(words.size());
     for (std::size_t i = 0; i < words.size(); ++i) {
       if (!parseNumber(words[i], row[i])) text.fail(quoted(words[i]) + " is no number");
     }
   }
-  collect(header, text, [&](const Field& f, std::size_t i) { return rows[i][f.column]; }, sweep);
+  collect(
+      header, text, [&](const Field& f, std::size_t i) { return rows[i][f.column]; }, sweep);
 }
 
 void readBinary(const Header& header, const PcdText& text, LidarSweep& sweep) {
@@ -260,8 +264,9 @@ void readBinary(const Header& header, const PcdText& text, LidarSweep& sweep) {
     bytes = unpacked;
   }
   if (bytes.size() < size) {
-    text.fail("end of the file after " + std::to_string(bytes.size() / header.point_bytes) +
-              " of " + std::to_string(header.points) + " points; it is cut off");
+    text.fail(
+        "end of the file after " + std::to_string(bytes.size() / header.point_bytes) + " of " +
+        std::to_string(header.points) + " points; it is cut off");
   }
   for (const Field& f : header.fields) {
     const bool used = f.name == "x" || f.name == "y" || f.name == "z" || f.name == "ring" ||

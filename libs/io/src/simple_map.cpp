@@ -51,7 +51,8 @@ std::vector<MapFrame> readSimpleMap(const std::string& path) {
     if (!pose || !sensory_frame) continue;
     const mrpt::poses::CPose3D mean = pose->getMeanVal();
     for (const auto& observation : *sensory_frame) {
-      const auto* laser = dynamic_cast<const mrpt::obs::CObservation2DRangeScan*>(observation.get());
+      const auto* laser =
+          dynamic_cast<const mrpt::obs::CObservation2DRangeScan*>(observation.get());
       if (laser == nullptr) continue;
       auto scan = fromMrpt(*laser);
       if (!scan) continue;

@@ -51,11 +51,21 @@ TEST(Corpus, CarmenWithAnyDamageIsSurvived) {
         const std::size_t at = random() % bytes.size();
         const std::size_t n = random() % 40;
         switch (random() % 5) {
-          case 0: bytes[at] = static_cast<char>(random() % 256); break;
-          case 1: bytes.erase(at, n); break;
-          case 2: bytes.insert(at, bytes.substr(random() % bytes.size(), n)); break;
-          case 3: bytes.insert(at, kNasty[random() % std::size(kNasty)]); break;
-          default: bytes.resize(at); break;
+          case 0:
+            bytes[at] = static_cast<char>(random() % 256);
+            break;
+          case 1:
+            bytes.erase(at, n);
+            break;
+          case 2:
+            bytes.insert(at, bytes.substr(random() % bytes.size(), n));
+            break;
+          case 3:
+            bytes.insert(at, kNasty[random() % std::size(kNasty)]);
+            break;
+          default:
+            bytes.resize(at);
+            break;
         }
       }
       EXPECT_NO_THROW(fuzz::readCarmen(bytes)) << file << " round " << round;

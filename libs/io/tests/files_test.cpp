@@ -215,8 +215,7 @@ TEST(MapIo, AGeoreferenceIsWrittenAndDoesNotDisturb) {
   g.datum = {47.5, 8.25, 410.0};
   g.T_map_grid = {10.0, -20.5, 0.5};
   g.cov.diagonal() << 0.04, 0.09, 0.0001;
-  saveMapServer(
-      map, (folder / "g.yaml").string(), (folder / "g.pgm").string(), {}, g);
+  saveMapServer(map, (folder / "g.yaml").string(), (folder / "g.pgm").string(), {}, g);
   EXPECT_THAT(
       readFile(folder / "g.yaml"),
       testing::AllOf(

@@ -62,7 +62,9 @@ struct HallDrive {
       const double t = 2.0 * kPi * i / count;
       ScanNode node;
       node.T_map_base = {
-          10.0 + 6.0 * std::cos(t), 8.0 + 4.0 * std::sin(t), std::atan2(4.0 * std::cos(t), -6.0 * std::sin(t))};
+          10.0 + 6.0 * std::cos(t),
+          8.0 + 4.0 * std::sin(t),
+          std::atan2(4.0 * std::cos(t), -6.0 * std::sin(t))};
       if (i > 0) {
         const Pose2 step = between(nodes.back().T_map_base, node.T_map_base);
         node.T_odom_base =
@@ -91,7 +93,8 @@ void BM_Update(benchmark::State& state) {
   }
   state.SetItemsProcessed(static_cast<std::int64_t>(used) * state.range(0));
 }
-BENCHMARK(BM_Update)->Args({15, 20})->Args({30, 20})->Args({30, 100})->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_Update)->Args({15, 20})->Args({30, 20})->Args({30, 100})->Unit(
+    benchmark::kMillisecond);
 
 void BM_Search(benchmark::State& state) {
   const HallDrive drive(0.2);

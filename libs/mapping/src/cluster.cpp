@@ -32,10 +32,10 @@ void countOnto(
         if (look.nearest == nullptr) continue;
         const double c = std::cos(views[k].phi);
         const double s = std::sin(views[k].phi);
-        matched = !p.on_line || !look.nearest->on_line ||
-                  (c * p.nx - s * p.ny) * look.nearest->nx +
-                          (s * p.nx + c * p.ny) * look.nearest->ny >
-                      0.7;
+        matched =
+            !p.on_line || !look.nearest->on_line ||
+            (c * p.nx - s * p.ny) * look.nearest->nx + (s * p.nx + c * p.ny) * look.nearest->ny >
+                0.7;
       }
       if (matched) {
         ++sum.matched;

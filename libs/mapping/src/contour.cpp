@@ -8,19 +8,19 @@
 namespace vestibule::mapping {
 namespace {
 
-constexpr int kMaxBeams = 720;         // finer scans are thinned to so many
+constexpr int kMaxBeams = 720;  // finer scans are thinned to so many
 constexpr double kSampleSpacing_m = 0.05;
 constexpr int kMaxSamples = 180;
-constexpr int kLineHalfWidth = 5;      // beams to each side that a line is fitted to, at most
-constexpr double kLineReach_m = 0.35;  // ... and no farther than this, or than ...
-constexpr double kLineReachInSteps = 3.5;  // ... so many spacings of beams
-constexpr double kMaxThickness_m = 0.03;   // one sigma across a line
+constexpr int kLineHalfWidth = 5;            // beams to each side that a line is fitted to, at most
+constexpr double kLineReach_m = 0.35;        // ... and no farther than this, or than ...
+constexpr double kLineReachInSteps = 3.5;    // ... so many spacings of beams
+constexpr double kMaxThickness_m = 0.03;     // one sigma across a line
 constexpr double kMaxThickness_share = 0.3;  // and of that along it
-constexpr int kMaxLook = 12;           // beams to each side in which a neighbour is sought
-constexpr double kThrough_m = 0.3;     // a beam this far behind a point saw through it ...
-constexpr double kThroughShare = 0.03;  // ... and this share of the range more
+constexpr int kMaxLook = 12;                 // beams to each side in which a neighbour is sought
+constexpr double kThrough_m = 0.3;           // a beam this far behind a point saw through it ...
+constexpr double kThroughShare = 0.03;       // ... and this share of the range more
 constexpr double kReachQuantile = 0.8;
-constexpr double kSameSide = 0.7;      // cosine between the normals of one surface, at least
+constexpr double kSameSide = 0.7;  // cosine between the normals of one surface, at least
 
 }  // namespace
 
@@ -140,10 +140,9 @@ Contour::Look Contour::look(const Point2& p_base, double gate_m) const {
   const double dx = p_base.x - T_base_laser_.x;
   const double dy = p_base.y - T_base_laser_.y;
   const double range = std::sqrt(dx * dx + dy * dy);
-  const double off_middle = std::atan2(
-      middle_cos_ * dy - middle_sin_ * dx, middle_cos_ * dx + middle_sin_ * dy);
-  const double index =
-      off_middle / step_rad_ + 0.5 * static_cast<double>(beams_.size() - 1);
+  const double off_middle =
+      std::atan2(middle_cos_ * dy - middle_sin_ * dx, middle_cos_ * dx + middle_sin_ * dy);
+  const double index = off_middle / step_rad_ + 0.5 * static_cast<double>(beams_.size() - 1);
   const int k0 = static_cast<int>(std::floor(index + 0.5));
   const double width = gate_m / std::max(range * std::abs(step_rad_), 1e-3);
   const int half = std::min(static_cast<int>(width) + 1, kMaxLook);
@@ -184,11 +183,10 @@ void forMatches(
     const Point2 p_a{T_a_b.x + c * p.x - s * p.y, T_a_b.y + s * p.x + c * p.y};
     const Contour::Look look = a.look(p_a, gate_m);
     // The two sides of a thin wall are two surfaces.
-    const bool same = look.nearest != nullptr &&
-                      (!p.on_line || !look.nearest->on_line ||
-                       (c * p.nx - s * p.ny) * look.nearest->nx +
-                               (s * p.nx + c * p.ny) * look.nearest->ny >
-                           kSameSide);
+    const bool same = look.nearest != nullptr && (!p.on_line || !look.nearest->on_line ||
+                                                  (c * p.nx - s * p.ny) * look.nearest->nx +
+                                                          (s * p.nx + c * p.ny) * look.nearest->ny >
+                                                      kSameSide);
     visit(p, p_a, same ? look.nearest : nullptr, look.seen_through);
   }
 }
@@ -222,7 +220,10 @@ Quadratic pointToLine(
   };
   // Points of b on surfaces of a: r = n_a . (T_a_b p_b - q_a).
   forMatches(
-      a, b, T_a_b, params.gate_m,
+      a,
+      b,
+      T_a_b,
+      params.gate_m,
       [&](const ContourPoint&, const Point2& p_a, const ContourPoint* q, bool) {
         if (q == nullptr || !q->on_line) return;
         const double r = q->nx * (p_a.x - q->x) + q->ny * (p_a.y - q->y);
@@ -234,12 +235,14 @@ Quadratic pointToLine(
   const double c = std::cos(T_a_b.phi);
   const double s = std::sin(T_a_b.phi);
   forMatches(
-      b, a, inverse(T_a_b), params.gate_m,
+      b,
+      a,
+      inverse(T_a_b),
+      params.gate_m,
       [&](const ContourPoint&, const Point2& p_b, const ContourPoint* q, bool) {
         if (q == nullptr || !q->on_line) return;
         const double r = q->nx * (p_b.x - q->x) + q->ny * (p_b.y - q->y);
-        add(r,
-            {-(c * q->nx - s * q->ny), -(s * q->nx + c * q->ny), q->nx * p_b.y - q->ny * p_b.x});
+        add(r, {-(c * q->nx - s * q->ny), -(s * q->nx + c * q->ny), q->nx * p_b.y - q->ny * p_b.x});
       });
   if (sum.pairs == 0) return sum;
   const double tempering =

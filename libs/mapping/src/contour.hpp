@@ -74,8 +74,8 @@ struct Overlap {
     const Contour& a, const Contour& b, const Pose2& T_a_b, double gate_m);
 
 struct AlignmentParams {
-  double sigma_m = 0.03;  ///< [m] of an end point about the other scan's surface
-  double gate_m = 0.3;    ///< [m] points farther apart do not belong together
+  double sigma_m = 0.03;           ///< [m] of an end point about the other scan's surface
+  double gate_m = 0.3;             ///< [m] points farther apart do not belong together
   double effective_points = 30.0;  ///< neighbouring points say the same: counted as so many
 };
 

@@ -34,14 +34,12 @@ void spreadPath(
     const std::size_t end = is_last ? nodes.size() : used[k + 1];
     std::vector<double> way(1, 0.0);
     for (std::size_t i = first + 1; i <= end && i < nodes.size(); ++i) {
-      way.push_back(
-          way.back() + effort(between(nodes[i - 1].T_odom_base, nodes[i].T_odom_base)));
+      way.push_back(way.back() + effort(between(nodes[i - 1].T_odom_base, nodes[i].T_odom_base)));
     }
     Pose2 correction;
     if (!is_last) {
       correction = between(
-          between(nodes[first].T_odom_base, nodes[end].T_odom_base),
-          between(path[k], path[k + 1]));
+          between(nodes[first].T_odom_base, nodes[end].T_odom_base), between(path[k], path[k + 1]));
     }
     for (std::size_t i = first; i < end; ++i) {
       const Pose2 T = compose(path[k], between(nodes[first].T_odom_base, nodes[i].T_odom_base));
@@ -62,8 +60,7 @@ std::optional<Pose2> findInMap(
     const PatchMap& map, const LaserScan& scan, const MatcherParams& params) {
   const PatchMap::Extent e = map.extent();
   const double side = Patch::kSide * map.resolution();
-  const Pose2 centre{
-      (e.x0 + 0.5 * e.columns) * side, (e.y0 + 0.5 * e.rows) * side, 0.0};
+  const Pose2 centre{(e.x0 + 0.5 * e.columns) * side, (e.y0 + 0.5 * e.rows) * side, 0.0};
   const PosePrior anywhere{centre, Eigen::Matrix3d::Identity() * 1e-9};
   const ScanPoints points = matchPoints(scan, params);
   ScanMatcher matcher(params);

@@ -48,7 +48,8 @@ PoseConstraint chainLink(
     const std::vector<KeyScan>& keys,
     std::size_t k,
     const AlignmentParams& alignment) {
-  const Pose2 T = vestibule::between(nodes[keys[k].node].T_map_base, nodes[keys[k + 1].node].T_map_base);
+  const Pose2 T =
+      vestibule::between(nodes[keys[k].node].T_map_base, nodes[keys[k + 1].node].T_map_base);
   RelativePrior prior = odometryPrior(nodes, keys[k], keys[k + 1]);
   const Quadratic q = pointToLine(keys[k].contour, keys[k + 1].contour, T, alignment);
   const Eigen::Vector3d off(
@@ -101,12 +102,18 @@ void describe(ParamIo& io, FinishParams& p) {
 
 std::string_view toString(ClosureVerdict verdict) {
   switch (verdict) {
-    case ClosureVerdict::kAccepted: return "accepted";
-    case ClosureVerdict::kConflict: return "scans contradict each other";
-    case ClosureVerdict::kAmbiguous: return "another place fits as well";
-    case ClosureVerdict::kUnlikely: return "too far from the way there";
-    case ClosureVerdict::kAlone: return "not confirmed by a second one";
-    case ClosureVerdict::kOutvoted: return "outvoted";
+    case ClosureVerdict::kAccepted:
+      return "accepted";
+    case ClosureVerdict::kConflict:
+      return "scans contradict each other";
+    case ClosureVerdict::kAmbiguous:
+      return "another place fits as well";
+    case ClosureVerdict::kUnlikely:
+      return "too far from the way there";
+    case ClosureVerdict::kAlone:
+      return "not confirmed by a second one";
+    case ClosureVerdict::kOutvoted:
+      return "outvoted";
   }
   return "?";
 }

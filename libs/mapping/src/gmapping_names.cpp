@@ -65,7 +65,8 @@ void GmappingNames::applyTo(FilterParams& p) const {
   if (lskip) {
     p.matcher.max_beams = std::max(10, count(p.matcher.max_beams / (1.0 + std::floor(*lskip))));
   }
-  if (minimumScore) p.matcher.poor_share = std::clamp(*minimumScore / p.matcher.max_beams, 0.0, 1.0);
+  if (minimumScore)
+    p.matcher.poor_share = std::clamp(*minimumScore / p.matcher.max_beams, 0.0, 1.0);
   if (iterations) p.matcher.iterations = std::max(p.matcher.iterations, count(*iterations));
   if (maxUrange) p.map.max_range_m = *maxUrange;
   if (maxRange) p.matcher.max_range_m = *maxRange;

@@ -13,7 +13,7 @@ constexpr std::size_t kNextOnTheWay = 3;  // key scans after each one that it is
 constexpr double kPassGap_m = 2.0;        // of travel between two visits of one place
 constexpr double kOverlapGate_m = 0.15;
 constexpr double kMinMatched = 0.3;
-constexpr int kRepairEvery = 5;       // iterations between two choices of pairs
+constexpr int kRepairEvery = 5;  // iterations between two choices of pairs
 constexpr double kDamping = 1e-3;
 constexpr double kConverged_m = 5e-4;
 constexpr std::size_t kPlaceScans = 4;  // key scans that another scan is placed on
@@ -149,8 +149,7 @@ Pose2 JointRefiner::place(
   const Pose2 guess = between(T_map_key[k], node.T_map_base);
   RelativePrior prior{guess, Eigen::Matrix3d::Zero()};
   prior.information.diagonal() << 1.0 / (0.05 * 0.05), 1.0 / (0.05 * 0.05), 1.0 / (0.05 * 0.05);
-  const AlignmentParams alignment{
-      params_.sigma_m, params_.gate_m, params_.effective_points};
+  const AlignmentParams alignment{params_.sigma_m, params_.gate_m, params_.effective_points};
   return compose(T_map_key[k], align(map, one, guess, alignment, prior).T_a_b);
 }
 

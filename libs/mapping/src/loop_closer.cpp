@@ -19,11 +19,11 @@ constexpr double kOverlapGate_m = 0.15;
 constexpr double kWindowSigmas = 3.0;
 constexpr double kLeastWindow_m = 0.6;
 constexpr double kLeastWindow_rad = 0.15;
-constexpr double kRivalShare = 0.9;   // a second place that fits this share as well ...
+constexpr double kRivalShare = 0.9;    // a second place that fits this share as well ...
 constexpr double kRivalApart_m = 0.8;  // ... this far away makes the first ambiguous
 constexpr double kRivalApart_rad = 0.5;
-constexpr double kYawLever_m = 10.0;   // weighs yaw against position where one number is needed
-constexpr double kBelieved = 0.5;      // weight from which a closure counts as accepted
+constexpr double kYawLever_m = 10.0;  // weighs yaw against position where one number is needed
+constexpr double kBelieved = 0.5;     // weight from which a closure counts as accepted
 // What scans that were matched cannot tell about their own error: one sigma.
 constexpr double kClosureFloor_m = 0.03;
 constexpr double kClosureFloor_rad = 0.006;
@@ -96,11 +96,12 @@ std::vector<PoseWithCovariance> LoopCloser::ways(
     open.pop();
     if (d > length[k]) continue;
     for (const std::size_t e : edges_of_key[k]) {
-      const PoseConstraint& c = e < chain_.size() ? chain_[e] : accepted_[e - chain_.size()].constraint;
+      const PoseConstraint& c =
+          e < chain_.size() ? chain_[e] : accepted_[e - chain_.size()].constraint;
       const std::size_t other = c.from == k ? c.to : c.from;
       const PoseWithCovariance step = stepOf(c, k);
-      const double next = d + step.cov(0, 0) + step.cov(1, 1) +
-                          kYawLever_m * kYawLever_m * step.cov(2, 2);
+      const double next =
+          d + step.cov(0, 0) + step.cov(1, 1) + kYawLever_m * kYawLever_m * step.cov(2, 2);
       if (next >= length[other]) continue;
       length[other] = next;
       way[other] = chained(way[k], step);
@@ -196,7 +197,10 @@ std::vector<LoopCloser::Found> LoopCloser::compare(
   found.target = candidate.target;
   found.query = candidate.query;
   found.constraint = {
-      target.anchor, query.anchor, best.alignment.T_a_b, withFloor(best.alignment.information),
+      target.anchor,
+      query.anchor,
+      best.alignment.T_a_b,
+      withFloor(best.alignment.information),
       true};
   Closure& closure = found.closure;
   closure.from = target.anchor;
@@ -234,7 +238,8 @@ void LoopCloser::vote(std::vector<Found>& found, const std::vector<Pose2>& T_map
     if (f.target == g.target && f.query == g.query) return false;
     const std::size_t tf = f.closure.from, tg = g.closure.from;
     const std::size_t qf = f.closure.to, qg = g.closure.to;
-    if (travel(tf, tg) > params_.closures.partner_m || travel(qf, qg) > params_.closures.partner_m) {
+    if (travel(tf, tg) > params_.closures.partner_m ||
+        travel(qf, qg) > params_.closures.partner_m) {
       return false;
     }
     // tf -> qf -> qg against tf -> tg -> qg.

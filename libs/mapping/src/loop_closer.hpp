@@ -27,8 +27,8 @@ class LoopCloser {
 
  private:
   struct Candidate {
-    std::size_t target = 0;  // submap
-    std::size_t query = 0;   // submap, later in the drive
+    std::size_t target = 0;        // submap
+    std::size_t query = 0;         // submap, later in the drive
     PoseWithCovariance predicted;  // T_target_query by the way through the graph
   };
   struct Found {

@@ -27,7 +27,8 @@ Box seenCells(const PatchMap& map) {
       if (!map.cell(ix, iy).seen()) continue;
       if (!any) box = {ix, iy, ix, iy};
       any = true;
-      box = {std::min(box.x0, ix), std::min(box.y0, iy), std::max(box.x1, ix), std::max(box.y1, iy)};
+      box = {
+          std::min(box.x0, ix), std::min(box.y0, iy), std::max(box.x1, ix), std::max(box.y1, iy)};
     }
   }
   if (!any) box = {0, 0, 0, 0};
@@ -54,7 +55,9 @@ grid::OccupancyMap toOccupancyMap(const PatchMap& map, double margin_m) {
     for (int ix = box.x0; ix <= box.x1; ++ix) {
       const PointCell cell = map.cell(ix, iy);
       cells.push_back(
-          !cell.seen() ? Cell::kUnknown : map.occupied(cell) ? Cell::kOccupied : Cell::kFree);
+          !cell.seen()         ? Cell::kUnknown
+          : map.occupied(cell) ? Cell::kOccupied
+                               : Cell::kFree);
     }
   }
   return grid::OccupancyMap::fromCells(
@@ -102,8 +105,7 @@ MapQuality judgeMap(
     const Refinement best = matcher.refine(map, points, node.T_map_base, prior);
     const ScanFit fit = matcher.fit(map, points, best.T_map_base);
     const auto beams = static_cast<double>(points.points.size());
-    quality.held_out_log_likelihood +=
-        fit.log_likelihood / std::min(params.effective_beams, beams);
+    quality.held_out_log_likelihood += fit.log_likelihood / std::min(params.effective_beams, beams);
     quality.held_out_matched_share += fit.matched_share;
     ++quality.held_out_scans;
   }

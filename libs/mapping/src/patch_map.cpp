@@ -61,9 +61,10 @@ void PatchMap::refresh(Patch& patch, int ix, int iy) const {
 
 Patch& PatchMap::ownPatch(int px, int py) {
   if (px < px0_ || py < py0_ || px >= px0_ + columns_ || py >= py0_ + rows_) growTo(px, py);
-  return table_[static_cast<std::size_t>(py - py0_) * static_cast<std::size_t>(columns_) +
-                static_cast<std::size_t>(px - px0_)]
-      .own();
+  return table_
+      [static_cast<std::size_t>(py - py0_) * static_cast<std::size_t>(columns_) +
+       static_cast<std::size_t>(px - px0_)]
+          .own();
 }
 
 void PatchMap::growTo(int px, int py) {
@@ -83,11 +84,12 @@ void PatchMap::growTo(int px, int py) {
   std::vector<PatchRef> table(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows));
   for (int row = 0; row < rows_; ++row) {
     for (int col = 0; col < columns_; ++col) {
-      table[static_cast<std::size_t>(row + py0_ - y0) * static_cast<std::size_t>(columns) +
-            static_cast<std::size_t>(col + px0_ - x0)] =
-          std::move(
-              table_[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
-                     static_cast<std::size_t>(col)]);
+      table
+          [static_cast<std::size_t>(row + py0_ - y0) * static_cast<std::size_t>(columns) +
+           static_cast<std::size_t>(col + px0_ - x0)] =
+              std::move(table_
+                            [static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
+                             static_cast<std::size_t>(col)]);
     }
   }
   table_ = std::move(table);

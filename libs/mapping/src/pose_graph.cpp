@@ -15,9 +15,9 @@ namespace vestibule::mapping {
 namespace {
 
 using Sparse = Eigen::SparseMatrix<double>;
-constexpr double kMuStep = 1.4;            // the control parameter shrinks by this
+constexpr double kMuStep = 1.4;  // the control parameter shrinks by this
 constexpr int kMaxGncSteps = 60;
-constexpr double kConverged_m = 1e-5;      // largest change of a coordinate
+constexpr double kConverged_m = 1e-5;  // largest change of a coordinate
 constexpr double kDamping = 1e-6;
 
 /// Derivatives of T_from_to = (x, y, yaw) by the two poses.
@@ -115,15 +115,13 @@ class Minimiser {
   Minimiser(const std::vector<PoseConstraint>& constraints, std::size_t nodes)
       : constraints_(constraints), equations_(nodes) {}
 
-  int run(
-      std::vector<Pose2>& poses, const std::vector<double>& weights, int max_iterations) {
+  int run(std::vector<Pose2>& poses, const std::vector<double>& weights, int max_iterations) {
     double damping = kDamping;
     double cost = costOf(poses, weights);
     int i = 0;
     while (i < max_iterations) {
       ++i;
-      const Eigen::VectorXd change =
-          equations_.solve(poses, quadratics(poses, weights), damping);
+      const Eigen::VectorXd change = equations_.solve(poses, quadratics(poses, weights), damping);
       if (change.size() == 0 || !change.allFinite()) {
         damping = std::max(damping, 1e-3) * 100.0;
         continue;
@@ -205,8 +203,7 @@ PoseGraphResult optimisePoseGraph(
       }
       const bool last = mu <= 1.0;
       // Between two steps the weights only need to follow roughly.
-      result.iterations +=
-          minimiser.run(poses, result.weights, last ? params.max_iterations : 2);
+      result.iterations += minimiser.run(poses, result.weights, last ? params.max_iterations : 2);
       if (last) break;
       mu = std::max(1.0, mu / kMuStep);
     }
@@ -244,8 +241,17 @@ void writeG2o(
         line.data(),
         line.size(),
         "EDGE_SE2 %zu %zu %.9g %.9g %.9g %.9g %.9g %.9g %.9g %.9g %.9g\n",
-        c.from, c.to, T.x, T.y, T.phi,
-        I(0, 0), I(0, 1), I(0, 2), I(1, 1), I(1, 2), I(2, 2));
+        c.from,
+        c.to,
+        T.x,
+        T.y,
+        T.phi,
+        I(0, 0),
+        I(0, 1),
+        I(0, 2),
+        I(1, 1),
+        I(1, 2),
+        I(2, 2));
     out << line.data();
   }
 }

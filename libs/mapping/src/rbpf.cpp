@@ -26,23 +26,24 @@ namespace {
 
 using mrpt::bayes::CParticleFilter;
 
-constexpr double kSlipChi2 = 25.0;      // odometry this far from the scan has slipped
-constexpr double kSlipLeft = 4.0;       // squared distance left to it then
-constexpr double kSearchSigmas = 3.0;   // of odometry, half side of the search
+constexpr double kSlipChi2 = 25.0;     // odometry this far from the scan has slipped
+constexpr double kSlipLeft = 4.0;      // squared distance left to it then
+constexpr double kSearchSigmas = 3.0;  // of odometry, half side of the search
 constexpr double kSearchMargin_rad = degToRad(2.0);
 // A wider search finds something that fits by chance in most maps: it is believed only if nearly
 // all of the scan fits there, and much better than near the odometry.
 constexpr double kWideMatchedShare = 0.6;
 constexpr double kWideKnownShare = 0.85;
 constexpr double kWideGain = 0.25;  // of the log-likelihood per beam
-// The same for a match that the odometry excludes; closing a loop is one, and gains little at first.
+// The same for a match that the odometry excludes; closing a loop is one, and gains little at
+// first.
 constexpr double kSlipGain = 0.03;
 constexpr double kLongGap_s = 0.5;
 
 struct Particle {
   Pose2 T_map_base;
   PatchMap map;
-  double score = 0.0;             // log-likelihood of the whole path
+  double score = 0.0;  // log-likelihood of the whole path
   Pose2 proposal_mean;
   Eigen::Matrix3d proposal_root;  // lower triangular; times standard normals = sample
   std::uint32_t parent = 0;
@@ -211,8 +212,8 @@ struct Rbpf::Impl {
     const OdometryNoise& n = params.odometry;
     const double trans = std::hypot(
         n.min_trans_m, n.trans_per_trans * trans_since_m, n.trans_per_rot * rot_since_rad);
-    const double rot = std::hypot(
-        n.min_rot_rad, n.rot_per_trans * trans_since_m, n.rot_per_rot * rot_since_rad);
+    const double rot =
+        std::hypot(n.min_rot_rad, n.rot_per_trans * trans_since_m, n.rot_per_rot * rot_since_rad);
     return Eigen::Vector3d(trans * trans, trans * trans, rot * rot).asDiagonal();
   }
 
@@ -249,8 +250,7 @@ struct Rbpf::Impl {
                  : std::min(m.window_rad, kSearchSigmas * sigma_rad + kSearchMargin_rad));
     if (match.fit.known_share < m.poor_share) {
       const Try wide = attempt(m.wide_window_m, m.wide_window_rad);
-      if (wide.fit.matched_share >= kWideMatchedShare &&
-          wide.fit.known_share >= kWideKnownShare &&
+      if (wide.fit.matched_share >= kWideMatchedShare && wide.fit.known_share >= kWideKnownShare &&
           wide.fit.log_likelihood > match.fit.log_likelihood + kWideGain * m.effective_beams) {
         match = wide;
       }
@@ -268,9 +268,9 @@ struct Rbpf::Impl {
       Try stay;
       stay.T = matcher.refine(p.map, step.points, prior.mean, prior).T_map_base;
       stay.fit = matcher.fit(p.map, step.points, stay.T);
-      report.slipped = match.fit.known_share >= m.poor_share &&
-                       match.fit.log_likelihood >
-                           stay.fit.log_likelihood + kSlipGain * m.effective_beams;
+      report.slipped =
+          match.fit.known_share >= m.poor_share &&
+          match.fit.log_likelihood > stay.fit.log_likelihood + kSlipGain * m.effective_beams;
       if (report.slipped) {
         covariance *= chi2 / kSlipLeft;
         if (observers != nullptr) {
@@ -397,8 +397,7 @@ struct Rbpf::Impl {
     look_stamp = scan.stamp;
     const Particle& p = *filter.m_particles[best()].d;
     const Pose2 expected = compose(p.T_map_base, between(*T_odom_update, T_odom_base));
-    const ScanFit fit =
-        filter.matcher().fit(p.map, matchPoints(scan, params.matcher), expected);
+    const ScanFit fit = filter.matcher().fit(p.map, matchPoints(scan, params.matcher), expected);
     return fit.known_share < params.matcher.poor_share;
   }
 

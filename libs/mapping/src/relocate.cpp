@@ -42,8 +42,9 @@ grid::ScoreField fieldOf(const std::vector<Point2>& points, double cell_m) {
       for (int ix = std::max(0, cx - 2); ix <= std::min(width - 1, cx + 2); ++ix) {
         const double dx = low.x + (ix + 0.5) * cell_m - p.x;
         const double dy = low.y + (iy + 0.5) * cell_m - p.y;
-        float& score = scores[static_cast<std::size_t>(iy) * static_cast<std::size_t>(width) +
-                              static_cast<std::size_t>(ix)];
+        float& score = scores
+            [static_cast<std::size_t>(iy) * static_cast<std::size_t>(width) +
+             static_cast<std::size_t>(ix)];
         score = std::max(score, static_cast<float>(std::exp(scale * (dx * dx + dy * dy))));
       }
     }

@@ -16,9 +16,9 @@ bool ScanIntegrator::mark(int ix, int iy) {
   const int col = ix - x0_;
   const int row = iy - y0_;
   if (col < 0 || row < 0 || col >= 2 * half_ || row >= 2 * half_) return false;
-  std::uint64_t& word =
-      marks_[static_cast<std::size_t>(row) * static_cast<std::size_t>(words_) +
-             static_cast<std::size_t>(col >> 6)];
+  std::uint64_t& word = marks_
+      [static_cast<std::size_t>(row) * static_cast<std::size_t>(words_) +
+       static_cast<std::size_t>(col >> 6)];
   const std::uint64_t bit = std::uint64_t{1} << static_cast<unsigned>(col & 63);
   if ((word & bit) != 0) return false;
   word |= bit;
@@ -49,8 +49,7 @@ void ScanIntegrator::integrate(PatchMap& map, const LaserScan& scan, const Pose2
     if (range <= max_range_m_) {
       const double hx = x + beam.dx * beam.length;
       const double hy = y + beam.dy * beam.length;
-      const bool first =
-          mark(static_cast<int>(std::floor(hx)), static_cast<int>(std::floor(hy)));
+      const bool first = mark(static_cast<int>(std::floor(hx)), static_cast<int>(std::floor(hy)));
       writer.addHit(hx, hy, first);
     }
     beams.push_back(beam);

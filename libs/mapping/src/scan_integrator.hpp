@@ -21,8 +21,7 @@ class ScanIntegrator {
  private:
   /// True the first time a cell is marked; cells beyond the window count as marked.
   bool mark(int ix, int iy);
-  void castFree(
-      PatchMap::Writer& map, double x, double y, double dx, double dy, double length);
+  void castFree(PatchMap::Writer& map, double x, double y, double dx, double dy, double length);
 
   double max_range_m_;
   int half_;                          // of the window of marks [cells]

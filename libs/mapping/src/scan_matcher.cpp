@@ -64,10 +64,9 @@ MeanPoint meanPointNear(const PatchMap& map, double x, double y) {
         patch = map.patch(ix >> Patch::kBits, row >> Patch::kBits);
       }
       if (patch == nullptr) continue;
-      const std::uint32_t bits =
-          (patch->occupied_rows[static_cast<std::size_t>(row & kMask)] >>
-           static_cast<unsigned>(lx - 1)) &
-          7U;
+      const std::uint32_t bits = (patch->occupied_rows[static_cast<std::size_t>(row & kMask)] >>
+                                  static_cast<unsigned>(lx - 1)) &
+                                 7U;
       if (bits == 0) continue;
       const PointCell* cells = &patch->cells[PatchMap::indexInPatch(ix - 1, row)];
       for (int k = 0; k < 3; ++k) {
@@ -88,15 +87,19 @@ MeanPoint meanPointNear(const PatchMap& map, double x, double y) {
 /// Residual across a wall, distance from a spot [m]; none where the surface is unclear.
 double residual(const ScanPoint& p, double nx, double ny, double dx, double dy) {
   switch (p.surface) {
-    case Surface::kWall: return nx * dx + ny * dy;
-    case Surface::kSpot: return std::hypot(dx, dy);
-    case Surface::kUnclear: break;
+    case Surface::kWall:
+      return nx * dx + ny * dy;
+    case Surface::kSpot:
+      return std::hypot(dx, dy);
+    case Surface::kUnclear:
+      break;
   }
   return 0.0;
 }
 
 double tempering(const MatcherParams& params, std::size_t beams) {
-  return std::min(1.0, params.effective_beams / static_cast<double>(std::max<std::size_t>(beams, 1)));
+  return std::min(
+      1.0, params.effective_beams / static_cast<double>(std::max<std::size_t>(beams, 1)));
 }
 
 }  // namespace
@@ -140,10 +143,7 @@ ScanFit ScanMatcher::fit(
 }
 
 Refinement ScanMatcher::refine(
-    const PatchMap& map,
-    const ScanPoints& scan,
-    const Pose2& start,
-    const PosePrior& prior) const {
+    const PatchMap& map, const ScanPoints& scan, const Pose2& start, const PosePrior& prior) const {
   const double res = map.resolution();
   const double scale = 1.0 / res;
   const double temper =
@@ -211,15 +211,16 @@ Refinement ScanMatcher::refine(
   return result;
 }
 
-// --- correlative search ----------------------------------------------------------------------------
+// --- correlative search
+// ----------------------------------------------------------------------------
 
 namespace {
 
-constexpr double kBlur_m = 0.05;       // of the field that the search looks at
+constexpr double kBlur_m = 0.05;  // of the field that the search looks at
 constexpr double kMinAngleStep_rad = degToRad(0.25);
 constexpr double kMaxAngleStep_rad = degToRad(2.0);
 constexpr std::size_t kSearchBeams = 90;
-constexpr int kStampReach = 4;  // [cells] at least what a blurred cell reaches
+constexpr int kStampReach = 4;         // [cells] at least what a blurred cell reaches
 constexpr double kPriorBound = 0.125;  // log-likelihood per beam that the prior can cost, at most
 
 struct Candidate {
@@ -252,8 +253,7 @@ void ScanMatcher::drawField(const PatchMap& map, int x0, int y0, int x1, int y1)
   field_.height = y1 - y0 + 1;
   const auto width = static_cast<std::size_t>(field_.width);
   field_.cells.assign(width * static_cast<std::size_t>(field_.height), 0);
-  const int radius =
-      std::max(1, static_cast<int>(std::lround(2.0 * kBlur_m / map.resolution())));
+  const int radius = std::max(1, static_cast<int>(std::lround(2.0 * kBlur_m / map.resolution())));
   const int side = 2 * radius + 1;
   std::vector<std::uint8_t> stamp;
   for (int dy = -radius; dy <= radius; ++dy) {
@@ -266,8 +266,9 @@ void ScanMatcher::drawField(const PatchMap& map, int x0, int y0, int x1, int y1)
   const auto draw = [&](int ix, int iy) {
     if (ix - radius < x0 || iy - radius < y0 || ix + radius > x1 || iy + radius > y1) return;
     for (int dy = 0; dy < side; ++dy) {
-      std::uint8_t* row = &field_.cells[static_cast<std::size_t>(iy - radius + dy - y0) * width +
-                                        static_cast<std::size_t>(ix - radius - x0)];
+      std::uint8_t* row = &field_.cells
+                               [static_cast<std::size_t>(iy - radius + dy - y0) * width +
+                                static_cast<std::size_t>(ix - radius - x0)];
       const std::uint8_t* from = &stamp[static_cast<std::size_t>(dy * side)];
       for (int dx = 0; dx < side; ++dx) row[dx] = std::max(row[dx], from[dx]);
     }
@@ -369,8 +370,7 @@ Pose2 ScanMatcher::search(
   const double yaw_information = marginalYawInformation(prior.information);
   const auto priorCost = [&](int level, int rotation, int dx, int dy) {
     const Eigen::Vector3d d(dx * res, dy * res, (rotation - turns) * angle_step);
-    const double chi2 =
-        level == 0 ? d.dot(prior.information * d) : d.z() * d.z() * yaw_information;
+    const double chi2 = level == 0 ? d.dot(prior.information * d) : d.z() * d.z() * yaw_information;
     return std::min(kPriorBound * params_.effective_beams, 0.5 * chi2);
   };
 
@@ -379,8 +379,7 @@ Pose2 ScanMatcher::search(
   for (int r = 0; r < static_cast<int>(rotations); ++r) {
     for (int dy = -window; dy <= window; dy += block) {
       for (int dx = -window; dx <= window; dx += block) {
-        open.push_back(
-            {score(levels, r, dx, dy) - priorCost(levels, r, dx, dy), r, dx, dy});
+        open.push_back({score(levels, r, dx, dy) - priorCost(levels, r, dx, dy), r, dx, dy});
       }
     }
   }

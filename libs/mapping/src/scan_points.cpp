@@ -7,13 +7,13 @@ namespace vestibule::mapping {
 namespace {
 
 constexpr double kReachQuantile = 0.8;
-constexpr std::size_t kMinNeighbours = 4;    // with the point itself, for a line
-constexpr double kMinRadius_m = 0.20;        // of the neighbourhood
-constexpr double kRadiusInSpacings = 3.5;    // the same where beams are far apart
+constexpr std::size_t kMinNeighbours = 4;  // with the point itself, for a line
+constexpr double kMinRadius_m = 0.20;      // of the neighbourhood
+constexpr double kRadiusInSpacings = 3.5;  // the same where beams are far apart
 constexpr double kMaxRadius_m = 0.60;
-constexpr double kMaxThickness_m = 0.03;     // one sigma across a line
-constexpr double kMinElongation = 3.0;       // of sigma along to sigma across
-constexpr double kAlone_m = 0.5;             // in front of its neighbours, a thing of its own
+constexpr double kMaxThickness_m = 0.03;  // one sigma across a line
+constexpr double kMinElongation = 3.0;    // of sigma along to sigma across
+constexpr double kAlone_m = 0.5;          // in front of its neighbours, a thing of its own
 
 /// Makes the point one of a wall if the end points first..last lie on a line.
 bool onLine(
@@ -48,8 +48,7 @@ bool onLine(
 }
 
 /// Says what end point number i lies on, from those around it.
-void classify(
-    const std::vector<Point2>& ends, std::size_t i, double spacing_m, ScanPoint& point) {
+void classify(const std::vector<Point2>& ends, std::size_t i, double spacing_m, ScanPoint& point) {
   const double radius = std::clamp(kRadiusInSpacings * spacing_m, kMinRadius_m, kMaxRadius_m);
   const auto gap = [&](std::size_t j) {
     return std::hypot(ends[j].x - ends[i].x, ends[j].y - ends[i].y);
@@ -82,8 +81,7 @@ ScanPoints matchPoints(const LaserScan& scan, const MatcherParams& params) {
     const auto range = static_cast<double>(scan.ranges_m[i]);
     if (!scan.valid(i) || range > params.max_range_m) continue;
     ends.push_back(transform(
-        scan.T_base_laser,
-        {range * std::cos(scan.angle(i)), range * std::sin(scan.angle(i))}));
+        scan.T_base_laser, {range * std::cos(scan.angle(i)), range * std::sin(scan.angle(i))}));
     ranges.push_back(range);
   }
   ScanPoints result;

@@ -28,15 +28,15 @@ Cluster clusterOf(
   const std::size_t n = submap.last - submap.first + 1;
   std::vector<std::size_t> chosen{submap.anchor};
   for (std::size_t i = 0; i + 1 < std::min(n, members); ++i) {
-    chosen.push_back(submap.first + i * (n - 1) / std::max<std::size_t>(1, std::min(n, members) - 2));
+    chosen.push_back(
+        submap.first + i * (n - 1) / std::max<std::size_t>(1, std::min(n, members) - 2));
   }
   std::sort(chosen.begin(), chosen.end());
   chosen.erase(std::unique(chosen.begin(), chosen.end()), chosen.end());
   Cluster cluster;
   for (const std::size_t k : chosen) {
     if (k > submap.last) continue;
-    cluster.members.push_back(
-        {&keys[k].contour, between(T_map_key[submap.anchor], T_map_key[k])});
+    cluster.members.push_back({&keys[k].contour, between(T_map_key[submap.anchor], T_map_key[k])});
   }
   return cluster;
 }

@@ -17,9 +17,13 @@ constexpr double kSlip_rad = 0.15;
 
 /// The last key scans, seen from the newest of them.
 Cluster localCluster(
-    const std::vector<KeyScan>& keys, const std::vector<Pose2>& poses, std::size_t end, int window) {
+    const std::vector<KeyScan>& keys,
+    const std::vector<Pose2>& poses,
+    std::size_t end,
+    int window) {
   Cluster cluster;
-  const std::size_t first = end > static_cast<std::size_t>(window) ? end - static_cast<std::size_t>(window) : 0;
+  const std::size_t first =
+      end > static_cast<std::size_t>(window) ? end - static_cast<std::size_t>(window) : 0;
   for (std::size_t k = end; k-- > first;) {
     cluster.members.push_back({&keys[k].contour, between(poses[end - 1], poses[k])});
   }
@@ -74,7 +78,8 @@ TrackResult trackScans(
     const Pose2 off = between(prior.T_a_b, best);
     if (translationNorm(off) > kSlip_m || std::abs(off.phi) > kSlip_rad) ++result.slips;
     poses.push_back(compose(poses.back(), best));
-    if (progress && k % 16 == 0) progress(static_cast<double>(k) / static_cast<double>(keys.size()));
+    if (progress && k % 16 == 0)
+      progress(static_cast<double>(k) / static_cast<double>(keys.size()));
   }
   spreadCorrections(nodes, keys, poses);
   result.nodes = std::move(nodes);

@@ -71,8 +71,8 @@ TEST(Contour, ScansOfOnePlaceAgreeAndOfTwoDoNot) {
   const Overlap right = overlap(contourAt(T_a, 1), contourAt(T_b, 2), between(T_a, T_b), 0.15);
   EXPECT_GT(right.agreement(), 0.95);
   EXPECT_GT(right.matchedShare(), 0.6);
-  const Overlap wrong =
-      overlap(contourAt(T_a, 1), contourAt(T_b, 2), compose(between(T_a, T_b), {0.8, 0.8, 0.5}), 0.15);
+  const Overlap wrong = overlap(
+      contourAt(T_a, 1), contourAt(T_b, 2), compose(between(T_a, T_b), {0.8, 0.8, 0.5}), 0.15);
   EXPECT_LT(wrong.agreement(), 0.8);
 }
 
@@ -107,8 +107,7 @@ TEST(Finish, ClosesTheRingAndRefinesIt) {
   EXPECT_LT(worst, 0.03);
   for (const Closure& c : result.closures) {
     if (c.verdict != ClosureVerdict::kAccepted) continue;
-    EXPECT_THAT(
-        c.T_from_to, poseNear(between(drive.truth[c.from], drive.truth[c.to]), 0.25, 0.05));
+    EXPECT_THAT(c.T_from_to, poseNear(between(drive.truth[c.from], drive.truth[c.to]), 0.25, 0.05));
   }
 }
 

@@ -65,7 +65,8 @@ TEST(DrivePath, G2oHasAVertexPerPoseAndAnEdgePerStep) {
   const std::string text = g2oOf({{0, 0, 0}, {1, 0, kPi / 2}, {1, 2, kPi / 2}});
   EXPECT_THAT(text, testing::HasSubstr("VERTEX_SE2 1 1.000000000 0.000000000 1.570796327\n"));
   EXPECT_THAT(
-      text, testing::HasSubstr("EDGE_SE2 1 2 2.000000000 0.000000000 0.000000000 2500 0 0 2500 0 "));
+      text,
+      testing::HasSubstr("EDGE_SE2 1 2 2.000000000 0.000000000 0.000000000 2500 0 0 2500 0 "));
 }
 
 TEST(DrivePath, FindsTheStartInAMap) {
@@ -81,7 +82,8 @@ TEST(DrivePath, FindsTheStartInAMap) {
   // A scan of another place fits nowhere.
   LaserScan elsewhere = drive.scans[31];
   for (std::size_t i = 0; i < elsewhere.ranges_m.size(); ++i) {
-    elsewhere.ranges_m[i] = 3.0F + 2.0F * static_cast<float>(std::sin(0.35 * static_cast<double>(i)));
+    elsewhere.ranges_m[i] =
+        3.0F + 2.0F * static_cast<float>(std::sin(0.35 * static_cast<double>(i)));
   }
   EXPECT_FALSE(findInMap(map, elsewhere, {}));
 }
@@ -101,7 +103,8 @@ TEST(MapQuality, AMapOfWrongPosesScoresWorse) {
     right.push_back(node);
     wrong.push_back(node);
     wrong.back().T_map_base = compose(
-        node.T_map_base, {noise.normal(0.0, 0.05), noise.normal(0.0, 0.05), noise.normal(0.0, 0.02)});
+        node.T_map_base,
+        {noise.normal(0.0, 0.05), noise.normal(0.0, 0.05), noise.normal(0.0, 0.02)});
   }
   const MapQuality good = judgeMap(mapOf(right, {}), held_out, {});
   const MapQuality bad = judgeMap(mapOf(wrong, {}), held_out, {});

@@ -1,7 +1,8 @@
 #include "vestibule/mapping/scan_matcher.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
 
 #include "room.hpp"
 #include "vestibule/mapping/drive_path.hpp"
@@ -124,7 +125,10 @@ TEST(ScanMatcher, FitTellsWallsFromFreeSpaceAndTheUnknown) {
   EXPECT_LT(off.log_likelihood, right.log_likelihood - 10.0);
   EXPECT_EQ(outside.matched_share, 0.0);
   EXPECT_EQ(outside.known_share, 0.0);
-  EXPECT_NEAR(outside.log_likelihood, MatcherParams{}.effective_beams * std::log(MatcherParams{}.z_unknown), 1e-6);
+  EXPECT_NEAR(
+      outside.log_likelihood,
+      MatcherParams{}.effective_beams * std::log(MatcherParams{}.z_unknown),
+      1e-6);
 }
 
 TEST(ScanPoints, WallsHaveNormalsAndAPoleHasNone) {

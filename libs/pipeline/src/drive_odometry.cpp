@@ -7,8 +7,8 @@
 namespace vestibule::pipeline {
 namespace {
 
-constexpr double kMaxCarry_s = 0.5;        // a scan this far from the last message is carried to
-constexpr std::size_t kLookedAt = 3000;    // records, for an IMU
+constexpr double kMaxCarry_s = 0.5;      // a scan this far from the last message is carried to
+constexpr std::size_t kLookedAt = 3000;  // records, for an IMU
 
 }  // namespace
 

@@ -22,8 +22,7 @@ constexpr int kTroubles = 5;
 /// The same cells mirrored left to right: as much like the building as a wrong map can be.
 grid::OccupancyMap mirrored(const grid::OccupancyMap& map) {
   std::vector<grid::Cell> cells;
-  cells.reserve(
-      static_cast<std::size_t>(map.width()) * static_cast<std::size_t>(map.height()));
+  cells.reserve(static_cast<std::size_t>(map.width()) * static_cast<std::size_t>(map.height()));
   for (int iy = 0; iy < map.height(); ++iy) {
     for (int ix = map.width() - 1; ix >= 0; --ix) cells.push_back(map.cell(ix, iy));
   }
@@ -46,7 +45,8 @@ Pose2 elsewhere(
     const std::size_t next = std::min(leg + 1, way.size() - 1);
     const double s = rng.uniform();
     place = {
-        way[leg].x + s * (way[next].x - way[leg].x), way[leg].y + s * (way[next].y - way[leg].y),
+        way[leg].x + s * (way[next].x - way[leg].x),
+        way[leg].y + s * (way[next].y - way[leg].y),
         rng.uniform(-kPi, kPi)};
     if (distance(place, from) >= away_m) break;
   }
@@ -55,8 +55,11 @@ Pose2 elsewhere(
 
 class Drive {
  public:
-  Drive(const sim::Scenario& scenario, const grid::OccupancyMap& map, int number,
-        const Config& config)
+  Drive(
+      const sim::Scenario& scenario,
+      const grid::OccupancyMap& map,
+      int number,
+      const Config& config)
       : scenario_(scenario),
         trouble_(static_cast<Trouble>(number % kTroubles)),
         rng_(config.seed, "lost-bench", static_cast<std::uint64_t>(number)),
@@ -68,12 +71,13 @@ class Drive {
         config.amcl,
         std::make_shared<const grid::OccupancyMap>(wrong_map ? mirrored(map) : map),
         derivedSeed(config.seed, "lost-bench", static_cast<std::uint64_t>(number)));
-    run_.emplace(scenario_, derivedSeed(config.seed, "lost-sim", static_cast<std::uint64_t>(number)));
+    run_.emplace(
+        scenario_, derivedSeed(config.seed, "lost-sim", static_cast<std::uint64_t>(number)));
     Pose2 told = scenario.T_map_base_start;
     if (trouble_ == Trouble::kWrongStart) {
       // From hardly wrong to another room.
-      told = compose(
-          told, Pose2{rng_.normal(0.0, 1.5), rng_.normal(0.0, 0.7), rng_.normal(0.0, 0.5)});
+      told =
+          compose(told, Pose2{rng_.normal(0.0, 1.5), rng_.normal(0.0, 0.7), rng_.normal(0.0, 0.5)});
     }
     constexpr double kSigma_m = 0.25;
     constexpr double kSigma_rad = degToRad(5.0);
@@ -89,8 +93,7 @@ class Drive {
       if (trouble_ == Trouble::kKidnap && !kidnapped_ && run_->elapsed() >= kidnap_at_s_) {
         kidnapped_ = true;
         constexpr double kAway_m = 3.0;
-        run_->simulator().carryTo(
-            elsewhere(scenario_, run_->simulator().truth(), kAway_m, rng_));
+        run_->simulator().carryTo(elsewhere(scenario_, run_->simulator().truth(), kAway_m, rng_));
       }
       for (const sim::Delivered& delivered : run_->step(kTick)) take(delivered.measurement);
       if (run_->elapsed() >= next_sample_s && seen_scan_) {

@@ -116,8 +116,7 @@ class Drive {
       damage_ = error.what();
     }
     if (nodes_.empty()) {
-      throw InputError(
-          path_ + ": no laser scan in it, nothing to map (see vestibule info)");
+      throw InputError(path_ + ": no laser scan in it, nothing to map (see vestibule info)");
     }
     if (!odometry_.any()) {
       throw InputError(
@@ -175,7 +174,8 @@ class Drive {
     if (!start) {
       throw InputError(
           path_ +
-          ": its first scan fits nowhere in the earlier map; give the start with --init x,y,yaw_rad");
+          ": its first scan fits nowhere in the earlier map; give the start with --init "
+          "x,y,yaw_rad");
     }
     filter_.start(*start, map);
   }
@@ -236,8 +236,8 @@ class Drive {
   /// Corrects all nodes; map and graph become those of the key scans.
   mapping::FinishResult finish(mapping::PatchMap& map, std::string& graph_g2o) {
     if (options_.finishing) options_.finishing();
-    mapping::FinishResult finished = mapping::finishMap(
-        std::move(nodes_), config_.mapping.finish, [this](double share) {
+    mapping::FinishResult finished =
+        mapping::finishMap(std::move(nodes_), config_.mapping.finish, [this](double share) {
           progress_(share, toSeconds(last_ - first_));
         });
     nodes_ = std::move(finished.nodes);
@@ -297,8 +297,7 @@ class Drive {
       if (position == nullptr) continue;
       if (!plane) plane.emplace(*position);
       const Eigen::Vector2d p_enu = antennaInMap(f.fix, plane);
-      const Point2 p_map =
-          transform(compose(nodes_[f.scan].T_map_base, f.T_scan_base), antenna);
+      const Point2 p_map = transform(compose(nodes_[f.scan].T_map_base, f.T_scan_base), antenna);
       double sigma_m = config_.ekf.gnss.sigma_single_m;
       if (f.fix.cov_enu && (*f.fix.cov_enu)(0, 0) > 0.0) {
         sigma_m = std::sqrt(0.5 * ((*f.fix.cov_enu)(0, 0) + (*f.fix.cov_enu)(1, 1)));
@@ -312,16 +311,14 @@ class Drive {
       pairs.push_back({p_enu, p_map, sigma_m});
     }
     const double per_s = static_cast<double>(pairs.size()) / std::max(r.data_s, 1.0);
-    const auto fit =
-        geo::fitGeoreference(pairs, 2.0 * config_.ekf.gnss.correlation_s * per_s);
+    const auto fit = geo::fitGeoreference(pairs, 2.0 * config_.ekf.gnss.correlation_s * per_s);
     if (!fit) {
       throw InputError(
           path_ + ": " + std::to_string(pairs.size()) +
           " GNSS fixes with latitude and longitude near scans, too few or on too short a way for a "
           "georeference; leave --georeference out");
     }
-    r.georeference =
-        io::MapGeoreference{plane->datum(), fit->T_map_grid.mean, fit->T_map_grid.cov};
+    r.georeference = io::MapGeoreference{plane->datum(), fit->T_map_grid.mean, fit->T_map_grid.cov};
     r.georeference_rms_m = fit->rms_m;
   }
 

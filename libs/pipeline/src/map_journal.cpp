@@ -76,8 +76,7 @@ mapping::Generation generationOf(const std::string& bytes, std::size_t particles
 
 }  // namespace
 
-MapJournal::MapJournal(
-    std::string path, std::uint64_t identity, std::size_t particles, bool resume)
+MapJournal::MapJournal(std::string path, std::uint64_t identity, std::size_t particles, bool resume)
     : path_(std::move(path)), particles_(particles) {
   const std::size_t payload_bytes = kReportBytes + particles * kParticleBytes;
   std::string header = kMagic;

@@ -85,8 +85,7 @@ void SeamlessEstimator::onWheels(const WheelOdometry& wheels) {
     // robot do not know how far it turned.
     WheelOdometry increment = wheels;
     increment.T_previous_now = between(T_odom_base_, T_odom_base);
-    particles_->process(
-        increment, has_gyro_ ? amcl::YawSource::kGyro : amcl::YawSource::kWheels);
+    particles_->process(increment, has_gyro_ ? amcl::YawSource::kGyro : amcl::YawSource::kWheels);
   }
   T_odom_base_ = T_odom_base;
 

@@ -19,8 +19,8 @@ constexpr double kMaxFootShift_m = 0.6;   // it is followed down to its foot thi
 
 /// An echo in the vertical plane of its direction.
 struct Echo {
-  double r_m = 0.0;  // horizontally from the sensor
-  double z_m = 0.0;  // above the base
+  double r_m = 0.0;        // horizontally from the sensor
+  double z_m = 0.0;        // above the base
   double elevation = 0.0;  // tangent, seen from the sensor
   bool obstacle = false;
   double foot_m = 0.0;  // where the obstacle stands

@@ -26,7 +26,8 @@ LidarSweep sweepOf(const Surface& surface, double sigma_m = 0.0, double step_m =
     for (int ring = 0; ring < 16; ++ring) {
       const double elevation = degToRad(-15.0 + 2.0 * ring);
       const Eigen::Vector3d d(
-          std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth),
+          std::cos(elevation) * std::cos(azimuth),
+          std::cos(elevation) * std::sin(azimuth),
           std::sin(elevation));
       const auto below = [&](double r) {
         return kSensor_m + r * d.z() <= surface(r * d.x(), r * d.y());
@@ -45,8 +46,8 @@ LidarSweep sweepOf(const Surface& surface, double sigma_m = 0.0, double step_m =
 }
 
 double rangeAt(const LaserScan& scan, double angle_rad) {
-  const auto i = static_cast<std::size_t>(
-      std::lround((angle_rad - scan.angle_min_rad) / scan.angle_step_rad));
+  const auto i =
+      static_cast<std::size_t>(std::lround((angle_rad - scan.angle_min_rad) / scan.angle_step_rad));
   return static_cast<double>(scan.ranges_m.at(i % scan.ranges_m.size()));
 }
 

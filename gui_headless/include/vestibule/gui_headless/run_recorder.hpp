@@ -21,9 +21,9 @@ struct RecorderLimits {
   std::size_t max_snapshots = 12;   ///< of the particle set, besides the first and the last
   std::size_t max_particles = 400;  ///< per snapshot, drawn in proportion to their weights
   std::size_t max_particle_samples = 8192;
-  std::size_t max_updates = 8192;   ///< NIS samples per sensor; thinned evenly beyond
-  std::size_t max_events = 1000;    ///< mode changes, and mission events; later ones only counted
-  std::size_t max_warnings = 200;   ///< different warnings; repeats of one are only counted
+  std::size_t max_updates = 8192;  ///< NIS samples per sensor; thinned evenly beyond
+  std::size_t max_events = 1000;   ///< mode changes, and mission events; later ones only counted
+  std::size_t max_warnings = 200;  ///< different warnings; repeats of one are only counted
 };
 
 struct PoseSample {

@@ -11,9 +11,9 @@ namespace vestibule::amcl {
 
 /// What a parameter file of nav2_amcl, or of ROS 1's amcl, changed here.
 struct AmclNames {
-  std::vector<std::string> applied;  ///< names as they stand in the file
-  std::vector<std::string> ignored;  ///< known there, without a counterpart here
-  std::vector<std::string> unknown;  ///< not known there either
+  std::vector<std::string> applied;      ///< names as they stand in the file
+  std::vector<std::string> ignored;      ///< known there, without a counterpart here
+  std::vector<std::string> unknown;      ///< not known there either
   std::optional<Pose2> T_map_base_init;  ///< initial_pose, where the file sets one
 };
 

@@ -4,13 +4,13 @@ namespace vestibule::amcl {
 
 /// What a scan says about whether the localizer is where it believes to be.
 struct LostEvidence {
-  double inlier_share = 0.0;   ///< beams ending near a mapped obstacle, [0, 1]
-  double blocked_share = 0.0;  ///< beams that pass through a mapped obstacle before their end
-  double slow_inlier_share = 0.0;   ///< the same two over a longer time
+  double inlier_share = 0.0;       ///< beams ending near a mapped obstacle, [0, 1]
+  double blocked_share = 0.0;      ///< beams that pass through a mapped obstacle before their end
+  double slow_inlier_share = 0.0;  ///< the same two over a longer time
   double slow_blocked_share = 0.0;
-  double off_map_share = 0.0;  ///< beams ending in cells nobody has seen, or beyond the map
-  double spread_m = 0.0;       ///< of all particles, one sigma
-  double odometry_chi2 = 0.0;  ///< correction of the odometry against its covariance, per dof
+  double off_map_share = 0.0;    ///< beams ending in cells nobody has seen, or beyond the map
+  double spread_m = 0.0;         ///< of all particles, one sigma
+  double odometry_chi2 = 0.0;    ///< correction of the odometry against its covariance, per dof
   double weakest_sigma_m = 0.0;  ///< of the direction the scan says least about
 };
 

@@ -46,18 +46,18 @@ struct LikelihoodField {
 /// the particles agree where the robot is.
 struct BeamSkipping {
   bool enabled = true;
-  double distance_m = 0.5;     ///< a beam fits a particle when it ends this near to an obstacle
-  double min_share = 0.3;      ///< beams that fit fewer particles are left out ...
-  double max_skipped = 0.9;    ///< ... unless so many would be: then the pose is wrong, not the map
+  double distance_m = 0.5;   ///< a beam fits a particle when it ends this near to an obstacle
+  double min_share = 0.3;    ///< beams that fit fewer particles are left out ...
+  double max_skipped = 0.9;  ///< ... unless so many would be: then the pose is wrong, not the map
 };
 
 /// Sub-cell pose of the best particles (Gauss-Newton on the distance field).
 struct RefinementParams {
   bool enabled = true;
-  double min_sigma_m = 0.03;   ///< spread of beam ends about obstacles: estimated, at least this ...
-  double max_sigma_m = 0.25;   ///< ... and at most this
-  double clutter = 0.03;       ///< density of ends anywhere, against 1 on an obstacle
-  double max_distance_m = 0.7; ///< ends farther from every obstacle are not looked at
+  double min_sigma_m = 0.03;  ///< spread of beam ends about obstacles: estimated, at least this ...
+  double max_sigma_m = 0.25;  ///< ... and at most this
+  double clutter = 0.03;      ///< density of ends anywhere, against 1 on an obstacle
+  double max_distance_m = 0.7;    ///< ends farther from every obstacle are not looked at
   double effective_beams = 60.0;  ///< beams are not independent: counted as so many
   double map_sigma_m = 0.008;     ///< error of the map itself, does not average out
   double map_sigma_rad = degToRad(0.1);

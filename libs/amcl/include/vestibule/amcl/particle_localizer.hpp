@@ -19,17 +19,17 @@ struct ScanReport {
   bool used = false;          ///< false: too little motion since the last used scan, or no beams
   std::string unused_reason;  ///< "", "too little motion", "too few beams", ...
   PoseWithCovariance T_map_base;  ///< at the scan's stamp
-  double inlier_share = 0.0;  ///< of this scan's beams at the estimated pose, [0, 1]
-  double trust = 0.0;         ///< smoothed inlier share, [0, 1]
-  bool trusted = false;       ///< trust is above AmclParams::lost_inlier_share
+  double inlier_share = 0.0;      ///< of this scan's beams at the estimated pose, [0, 1]
+  double trust = 0.0;             ///< smoothed inlier share, [0, 1]
+  bool trusted = false;           ///< trust is above AmclParams::lost_inlier_share
   /// Calibrated probability that the true pose is farther than 0.5 m or 10 degrees from this one
   /// (amcl/lost_model.hpp).
   double lost_probability = 0.0;
   LostEvidence evidence;
   std::size_t particles = 0;
   double effective_sample_size = 0.0;
-  std::size_t beams = 0;           ///< weighed
-  std::size_t beams_skipped = 0;   ///< of the chosen ones: on things that are not in the map
+  std::size_t beams = 0;          ///< weighed
+  std::size_t beams_skipped = 0;  ///< of the chosen ones: on things that are not in the map
 };
 
 /// One place where the robot may be. Weights of several need not sum to one.

@@ -56,9 +56,9 @@ class RecordingReader {
 };
 
 /// Opens a recording by its content: MRPT .rawlog (plain or gz; observations or actions and sensory
-/// frames), CARMEN .log/.clf and Wean-Hall logs (plain, gz, bz2), ROS 1 .bag, ROS 2 .db3 (sqlite3), CSV.
-/// MRPT stamps have 100 ns ticks; all other formats keep nanoseconds.
-/// Throws InputError for a missing, empty or unknown file, ConfigError for a bad column mapping.
+/// frames), CARMEN .log/.clf and Wean-Hall logs (plain, gz, bz2), ROS 1 .bag, ROS 2 .db3 (sqlite3),
+/// CSV. MRPT stamps have 100 ns ticks; all other formats keep nanoseconds. Throws InputError for a
+/// missing, empty or unknown file, ConfigError for a bad column mapping.
 [[nodiscard]] std::unique_ptr<RecordingReader> openRecording(
     const std::string& path, const RecordingOptions& options);
 

@@ -26,6 +26,7 @@ using Trajectory = std::vector<StampedPose>;
 [[nodiscard]] std::string formatKittiLine(const Pose3& T_map_base);
 
 /// A trajectory as a GeoJSON LineString of longitude, latitude and height.
-[[nodiscard]] std::string toGeoJson(const std::vector<Geodetic>& positions, const std::string& name);
+[[nodiscard]] std::string toGeoJson(
+    const std::vector<Geodetic>& positions, const std::string& name);
 
 }  // namespace vestibule::io

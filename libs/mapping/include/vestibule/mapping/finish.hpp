@@ -15,12 +15,12 @@ namespace vestibule::mapping {
 
 /// When a place that looks like an earlier one is taken for it.
 struct ClosureParams {
-  double submap_m = 5.0;       ///< [m] of travel in one submap
-  double reach_m = 12.0;       ///< [m] submaps whose centres may be this near are compared
-  double min_score = 0.55;     ///< of the search, 0..1
+  double submap_m = 5.0;        ///< [m] of travel in one submap
+  double reach_m = 12.0;        ///< [m] submaps whose centres may be this near are compared
+  double min_score = 0.55;      ///< of the search, 0..1
   double min_agreement = 0.75;  ///< of the points about which the other submap says something
-  double min_matched = 0.25;   ///< share of all points on walls of the other submap
-  double max_window_m = 15.0;  ///< [m] half side of the search, however uncertain the way there
+  double min_matched = 0.25;    ///< share of all points on walls of the other submap
+  double max_window_m = 15.0;   ///< [m] half side of the search, however uncertain the way there
   double max_window_rad = degToRad(60.0);
   /// Of the error against what the way there says, and between two closures: chi-square quantile.
   double gate_probability = 0.99;
@@ -80,12 +80,12 @@ struct Closure {
 };
 
 struct FinishResult {
-  std::vector<ScanNode> nodes;    ///< with the corrected T_map_base
-  std::vector<Closure> closures;  ///< accepted and refused ones, by `from`
-  std::vector<std::size_t> keys;  ///< nodes of the pose graph
+  std::vector<ScanNode> nodes;        ///< with the corrected T_map_base
+  std::vector<Closure> closures;      ///< accepted and refused ones, by `from`
+  std::vector<std::size_t> keys;      ///< nodes of the pose graph
   std::vector<PoseConstraint> graph;  ///< its constraints; from and to count in `keys`
   std::size_t submaps = 0;
-  std::size_t pairs = 0;            ///< of scans in the joint refinement
+  std::size_t pairs = 0;              ///< of scans in the joint refinement
   double surface_rms_before_m = 0.0;  ///< distance between surfaces that two scans share
   double surface_rms_after_m = 0.0;
   double largest_correction_m = 0.0;  ///< of a node against its estimate before

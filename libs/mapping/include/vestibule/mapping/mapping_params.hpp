@@ -11,7 +11,7 @@ namespace vestibule::mapping {
 struct MappingParams {
   KnownPosesParams known_poses;  ///< its keys stand at the top of the section
   FilterParams filter;
-  FinishParams finish;  ///< of --finish
+  FinishParams finish;     ///< of --finish
   GmappingNames gmapping;  ///< what it names is written into `filter`
 };
 void describe(ParamIo& io, MappingParams& params);

@@ -7,10 +7,10 @@ namespace vestibule::mapping {
 
 /// The filter's map.
 struct FilterMapParams {
-  double resolution_m = 0.05;   ///< [m] cell size
-  double max_range_m = 30.0;    ///< [m] what lies farther is not mapped
-  double occupied_ratio = 0.25; ///< hits per visit from which a cell is occupied
-  int max_count = 250;          ///< hits and visits stop here, so that the map can forget
+  double resolution_m = 0.05;    ///< [m] cell size
+  double max_range_m = 30.0;     ///< [m] what lies farther is not mapped
+  double occupied_ratio = 0.25;  ///< hits per visit from which a cell is occupied
+  int max_count = 250;           ///< hits and visits stop here, so that the map can forget
 };
 
 /// Odometry noise, one sigma per motion between two updates.
@@ -37,23 +37,23 @@ struct MatcherParams {
   /// back to a place
   double window_m = 0.50;
   double window_rad = degToRad(15.0);
-  double wide_window_m = 1.2;     ///< [m] the same when the match is poor or time has passed
+  double wide_window_m = 1.2;  ///< [m] the same when the match is poor or time has passed
   double wide_window_rad = degToRad(25.0);
-  double poor_share = 0.5;        ///< fewer beams than this on known walls: the match is poor
+  double poor_share = 0.5;  ///< fewer beams than this on known walls: the match is poor
 };
 
 /// The particle filter.
 struct FilterParams {
   int particles = 15;
-  double update_d_m = 0.20;              ///< [m] a scan is used after this much motion ...
-  double update_a_rad = degToRad(6.0);   ///< [rad] ... or turn
+  double update_d_m = 0.20;             ///< [m] a scan is used after this much motion ...
+  double update_a_rad = degToRad(6.0);  ///< [rad] ... or turn
   /// [s] ... or when, looked at so often, the scan no longer fits; 0 = never looked at
   double update_max_s = 1.0;
-  double resample_below = 0.5;           ///< share of particles that must stay effective
+  double resample_below = 0.5;  ///< share of particles that must stay effective
   /// of the scan's likelihood in the weights; smaller: fewer resamplings, more hypotheses kept
   double weight_power = 0.25;
-  double proposal_spread = 1.0;          ///< of the samples, times the proposal's sigma
-  int threads = 0;                       ///< 0 = one per core; the result does not depend on it
+  double proposal_spread = 1.0;  ///< of the samples, times the proposal's sigma
+  int threads = 0;               ///< 0 = one per core; the result does not depend on it
   FilterMapParams map;
   OdometryNoise odometry;
   MatcherParams matcher;

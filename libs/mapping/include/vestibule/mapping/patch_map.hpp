@@ -98,9 +98,10 @@ class PatchMap {
     const int col = px - px0_;
     const int row = py - py0_;
     if (col < 0 || row < 0 || col >= columns_ || row >= rows_) return nullptr;
-    return table_[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
-                  static_cast<std::size_t>(col)]
-        .get();
+    return table_
+        [static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
+         static_cast<std::size_t>(col)]
+            .get();
   }
   [[nodiscard]] PointCell cell(int ix, int iy) const {
     const Patch* p = patch(ix >> Patch::kBits, iy >> Patch::kBits);

@@ -25,7 +25,7 @@ struct PoseConstraint {
     const PoseConstraint& constraint, const std::vector<Pose2>& poses);
 
 struct PoseGraphParams {
-  int max_iterations = 30;   ///< of Gauss-Newton between two changes of the weights
+  int max_iterations = 30;    ///< of Gauss-Newton between two changes of the weights
   double inlier_chi2 = 11.3;  ///< squared error of a doubtful constraint that is still believed
 };
 

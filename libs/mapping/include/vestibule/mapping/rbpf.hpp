@@ -14,7 +14,7 @@ namespace vestibule::mapping {
 
 /// What a scan did to the filter.
 struct MapReport {
-  bool used = false;               ///< false: too little motion since the last used scan
+  bool used = false;                 ///< false: too little motion since the last used scan
   double effective_particles = 0.0;  ///< before resampling
   bool resampled = false;
   double known_share = 0.0;  ///< of the scan's points in seen cells: on mapped obstacles
@@ -27,10 +27,10 @@ struct MapReport {
 struct Generation {
   std::size_t scan = 0;  ///< number of the scan, from 0
   MapReport report;
-  std::vector<std::uint32_t> parents; ///< per particle: its number in the generation before
-  std::vector<Pose2> poses;           ///< T_map_base
-  std::vector<double> log_weights;    ///< after resampling
-  std::vector<double> scores;         ///< log-likelihood of the whole path
+  std::vector<std::uint32_t> parents;  ///< per particle: its number in the generation before
+  std::vector<Pose2> poses;            ///< T_map_base
+  std::vector<double> log_weights;     ///< after resampling
+  std::vector<double> scores;          ///< log-likelihood of the whole path
 };
 
 /// Rao-Blackwellised particle filter on occupancy maps (Grisetti, Stachniss, Burgard, T-RO 2007) on
@@ -45,7 +45,6 @@ class Rbpf {
   Rbpf(const Rbpf&) = delete;
   Rbpf& operator=(const Rbpf&) = delete;
   ~Rbpf();
-
 
   /// Begins in a map that is there already, near this pose. \pre no scan yet
   void start(const Pose2& T_map_base, const PatchMap& map);

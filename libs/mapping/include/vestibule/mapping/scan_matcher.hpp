@@ -29,7 +29,7 @@ struct ScanFit {
 struct Refinement {
   Pose2 T_map_base;
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();  ///< of the scan alone, tempered
-  double prior_chi2 = 0.0;                                ///< squared distance from the prior's mean
+  double prior_chi2 = 0.0;  ///< squared distance from the prior's mean
 };
 
 /// Matches scans with a PatchMap. Holds scratch memory: one matcher per thread.

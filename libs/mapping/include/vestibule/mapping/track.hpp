@@ -11,7 +11,7 @@ namespace vestibule::mapping {
 using ShareDone = std::function<void(double)>;
 
 struct TrackParams {
-  int window = 10;             ///< key scans that the next one is matched with
+  int window = 10;               ///< key scans that the next one is matched with
   double poor_agreement = 0.85;  ///< below it the match is searched for in a wider window
   double search_m = 1.5;
   double search_rad = 0.45;

@@ -65,11 +65,11 @@ struct MapDriveResult {
   explicit MapDriveResult(grid::OccupancyMap m) : map(std::move(m)) {}
 
   grid::OccupancyMap map;
-  metrics::Trajectory trajectory;      ///< T_map_base, one per laser scan, in file order
-  std::vector<io::MapFrame> frames;    ///< the scans in the map, earlier drives first
-  std::string graph_g2o;               ///< of the used scans
+  metrics::Trajectory trajectory;    ///< T_map_base, one per laser scan, in file order
+  std::vector<io::MapFrame> frames;  ///< the scans in the map, earlier drives first
+  std::string graph_g2o;             ///< of the used scans
   std::vector<MapUpdate> updates;
-  std::size_t repeated_updates = 0;    ///< taken from the journal
+  std::size_t repeated_updates = 0;  ///< taken from the journal
   mapping::MapQuality quality;
   /// Without its nodes, whose poses are in the trajectory and the frames.
   std::optional<mapping::FinishResult> finished;
@@ -79,7 +79,8 @@ struct MapDriveResult {
   double data_s = 0.0;          ///< largest minus smallest stamp
   double distance_m = 0.0;
   std::vector<std::string> notes;
-  /// What is wrong with the recording where it could not be read on; the map is of what came before.
+  /// What is wrong with the recording where it could not be read on; the map is of what came
+  /// before.
   std::optional<std::string> damage;
 };
 
