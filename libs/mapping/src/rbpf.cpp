@@ -15,9 +15,9 @@
 #include <optional>
 #include <unordered_set>
 
-#include "parallel_for.hpp"
 #include "scan_integrator.hpp"
 #include "vestibule/core/angles.hpp"
+#include "vestibule/core/parallel.hpp"
 #include "vestibule/core/random.hpp"
 #include "vestibule/mapping/scan_matcher.hpp"
 
@@ -71,9 +71,8 @@ class Filter : public mrpt::bayes::CParticleFilterData<Particle>,
                    mrpt::bayes::CParticleFilterData<Particle>::CParticleList> {
  public:
   explicit Filter(const FilterParams& params) : params_(params) {
-    std::size_t threads = static_cast<std::size_t>(params.threads);
-    if (threads == 0) threads = std::max(1U, std::thread::hardware_concurrency());
-    threads = std::min(threads, static_cast<std::size_t>(params.particles));
+    const std::size_t threads =
+        std::min(threadCount(params.threads), static_cast<std::size_t>(params.particles));
     for (std::size_t i = 0; i < threads; ++i) {
       matchers_.emplace_back(params.matcher);
       integrators_.emplace_back(params.map);
@@ -84,7 +83,7 @@ class Filter : public mrpt::bayes::CParticleFilterData<Particle>,
       const mrpt::obs::CActionCollection* /*action*/,
       const mrpt::obs::CSensoryFrame* /*observation*/,
       const CParticleFilter::TParticleFilterOptions& options) override {
-    parallelFor(matchers_.size(), m_particles.size(), [&](std::size_t worker, std::size_t i) {
+    forEachParticle([&](std::size_t worker, std::size_t i) {
       Particle& p = *m_particles[i].d;
       p.parent = static_cast<std::uint32_t>(i);
       const double log_weight = propose(matchers_[worker], p);
@@ -95,7 +94,7 @@ class Filter : public mrpt::bayes::CParticleFilterData<Particle>,
 
   /// Draws every particle from its proposal and writes the scan into its map.
   void sampleAndIntegrate(std::uint64_t seed, std::uint64_t update) {
-    parallelFor(matchers_.size(), m_particles.size(), [&](std::size_t worker, std::size_t i) {
+    forEachParticle([&](std::size_t worker, std::size_t i) {
       Particle& p = *m_particles[i].d;
       RandomStream stream(
           derivedSeed(seed, "mapping proposal", update), "particle", static_cast<std::uint64_t>(i));
@@ -115,6 +114,16 @@ class Filter : public mrpt::bayes::CParticleFilterData<Particle>,
   Step step;
 
  private:
+  /// Calls work(worker, i) for every particle; each worker has a matcher and an integrator of its
+  /// own, and which of them takes which particle is fixed.
+  template <class Work>
+  void forEachParticle(const Work& work) {
+    const std::size_t workers = matchers_.size();
+    parallelFor(workers, workers, [&](std::size_t worker) {
+      for (std::size_t i = worker; i < m_particles.size(); i += workers) work(worker, i);
+    });
+  }
+
   /// Sets the particle's proposal; returns its log weight:
   /// log of the integral of p(scan | x) p(x | odometry), by Laplace's method at its maximum.
   double propose(ScanMatcher& matcher, Particle& p) const {
