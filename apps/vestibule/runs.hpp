@@ -38,6 +38,7 @@ struct FuseArguments {
   std::string config;
   std::string csv_mapping;
   std::string reference_tum;
+  bool smooth = false;
   double gap_bar_m = 0.0;  ///< of the start-to-end difference to GNSS, shown when > 0
   std::string title;
 };

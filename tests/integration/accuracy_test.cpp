@@ -68,7 +68,7 @@ TEST(Indoors, FindsItselfInTheDemoMap) {
 
 TEST(Outdoors, FusesTheHuskyRecording) {
   const auto result =
-      pipeline::fuse(shipped("datasets/husky_gnss/test1.bag"), {}, {}, {}, noProgress);
+      pipeline::fuse(shipped("datasets/husky_gnss/test1.bag"), {}, {}, {}, {}, noProgress);
   ASSERT_TRUE(result.ready_after_s) << result.waiting_for;
   EXPECT_LE(*result.ready_after_s, 60.0);
   ASSERT_TRUE(result.gnss_gap_m);

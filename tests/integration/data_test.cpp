@@ -39,7 +39,7 @@ void expectNcltError(const std::string& file, double bar_m) {
   const std::string log = *folder + "nclt_1hz/" + file;
   io::RecordingOptions options;
   options.csv_mapping = shipped("config/csv/nclt_1hz.yaml");
-  const auto result = pipeline::fuse(log, options, {}, {}, noProgress);
+  const auto result = pipeline::fuse(log, options, {}, {}, {}, noProgress);
   ASSERT_TRUE(result.ready_after_s) << result.waiting_for;
 
   metrics::Trajectory reference;

@@ -45,8 +45,8 @@ double TrackAlignment::extent() const {
 std::optional<TrackAlignment::Result> TrackAlignment::solve() const {
   const std::size_t n = fixes_.size();
   const double extent_m = extent();
-  if (n < static_cast<std::size_t>(params_.init.min_fixes) ||
-      extent_m < params_.init.min_travel_m) {
+  if (n < static_cast<std::size_t>(params_->init.min_fixes) ||
+      extent_m < params_->init.min_travel_m) {
     return std::nullopt;
   }
 
@@ -104,14 +104,14 @@ std::optional<TrackAlignment::Result> TrackAlignment::solve() const {
   // the error shifts it. Seen residuals average out over the fixes.
   const double span_s = std::abs(toSeconds(fixes_.back().stamp - fixes_.front().stamp));
   const double differing_sq =
-      2.0 * sigma_sq * (1.0 - std::exp(-span_s / params_.gnss.correlation_s));
+      2.0 * sigma_sq * (1.0 - std::exp(-span_s / params_->gnss.correlation_s));
   const double slow_sq = differing_sq / (extent_m * extent_m);
   const double white_sq = mean_square * sigma_sq / (static_cast<double>(n) * spread_sq);
   Result result;
   result.T_map_odom = T_map_odom;
   result.yaw_sigma_rad = std::sqrt(slow_sq + white_sq + kOdometryYawSigma * kOdometryYawSigma);
   result.position_sigma_m = std::sqrt(sigma_sq * std::max(1.0, mean_square));
-  if (result.yaw_sigma_rad > params_.init.max_yaw_sigma_rad) return std::nullopt;
+  if (result.yaw_sigma_rad > params_->init.max_yaw_sigma_rad) return std::nullopt;
   return result;
 }
 

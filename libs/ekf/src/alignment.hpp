@@ -14,7 +14,8 @@ namespace vestibule::ekf {
 /// of the two tracks. Fixes at one place count once, since their errors are one and the same.
 class TrackAlignment {
  public:
-  explicit TrackAlignment(const FilterParams& params) : params_(params) {}
+  /// \param params outlives it and its copies
+  explicit TrackAlignment(const FilterParams& params) : params_(&params) {}
 
   struct Result {
     Pose2 T_map_odom;
@@ -41,7 +42,7 @@ class TrackAlignment {
     double sigma_m;
   };
 
-  FilterParams params_;
+  const FilterParams* params_;
   std::deque<Fix> fixes_;
   Eigen::Vector2d anchor_odom_ = Eigen::Vector2d::Zero();  ///< where the newest was begun
 };

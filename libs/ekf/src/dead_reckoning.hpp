@@ -16,7 +16,8 @@ namespace vestibule::ekf {
 /// may end at any stamp, and the sum of all steps is what the sensors measured.
 class DeadReckoning {
  public:
-  explicit DeadReckoning(const FilterParams& params) : params_(params) {}
+  /// \param params outlives it and its copies
+  explicit DeadReckoning(const FilterParams& params) : params_(&params) {}
 
   /// Usable: finite and not older than time().
   [[nodiscard]] bool stale(Timestamp stamp) const { return started_ && stamp < time_; }
@@ -24,7 +25,7 @@ class DeadReckoning {
   /// \pre finite, not stale
   [[nodiscard]] Motion process(const WheelOdometry& wheels);
   /// \param gyro_bias_radps  estimate, to tell standing from turning
-  [[nodiscard]] Motion process(const Imu& imu, double gyro_bias_radps);
+  [[nodiscard]] Motion process(const Imu& imu, const Eigen::Vector3d& gyro_bias_radps);
   /// The step to `stamp` with everything held. \pre not stale
   [[nodiscard]] Motion advance(Timestamp stamp);
   /// The same without taking it.
@@ -33,8 +34,24 @@ class DeadReckoning {
   [[nodiscard]] bool started() const { return started_; }
   [[nodiscard]] Timestamp time() const { return time_; }
   [[nodiscard]] double speed() const { return speed_forward_; }
-  /// Gyro reading where there is a gyro, else the wheels' rate.
-  [[nodiscard]] double rate() const;
+  /// Gyro reading where there is a gyro, else the wheels' rate; base axes (in the plane: z only).
+  [[nodiscard]] Eigen::Vector3d rate() const;
+  /// Whether the last IMU message had a full accelerometer's reading.
+  [[nodiscard]] bool hasForce() const { return has_force_; }
+  /// Of the robot itself by its wheels and turn rate, base axes [m/s^2].
+  [[nodiscard]] Eigen::Vector3d ownAcceleration(const Eigen::Vector3d& gyro_bias_radps) const;
+  /// What a step that coasted moved the robot forward, for the wheels to catch up with.
+  void coasted(double forward_m) { held_forward_m_ += forward_m; }
+
+  /// The last wheel message against the gyro over the same time.
+  struct WheelTurn {
+    double wheels_rad = 0.0;
+    double gyro_rad = 0.0;  ///< bias included
+    double forward_m = 0.0;
+    double dt_s = 0.0;
+  };
+  /// Empty when there was no gyro all the time.
+  [[nodiscard]] const std::optional<WheelTurn>& wheelTurn() const { return wheel_turn_; }
   [[nodiscard]] bool rateIsGyro() const { return gyroAlive(time_); }
   [[nodiscard]] bool standstill() const;
 
@@ -42,11 +59,13 @@ class DeadReckoning {
   [[nodiscard]] bool wheelsAlive(Timestamp stamp) const;
   [[nodiscard]] bool gyroAlive(Timestamp stamp) const;
   void start(Timestamp stamp);
+  void turn(Motion& u, bool gyro, const Eigen::Vector3d& gyro_turn_rad, double wheel_turn_rad);
   void addNoise(Motion& u) const;
-  /// Rate about the vertical, however the sensor is mounted.
-  [[nodiscard]] double verticalRate(const Imu& imu, double interval_s);
+  /// The turn rate as the model wants it: in the plane, about the vertical, however the sensor is
+  /// mounted.
+  [[nodiscard]] Eigen::Vector3d rateOf(const Imu& imu, double interval_s);
 
-  FilterParams params_;
+  const FilterParams* params_;
   bool started_ = false;
   Timestamp time_;
 
@@ -62,9 +81,15 @@ class DeadReckoning {
 
   std::optional<Timestamp> last_imu_;
   double imu_period_s_ = 0.0;
-  double gyro_rate_ = 0.0;
-  double gyro_change_sq_ = 0.0;  ///< running mean square of the change between samples
-  double held_gyro_turn_ = 0.0;  ///< since the last gyro message
+  Eigen::Vector3d gyro_rate_ = Eigen::Vector3d::Zero();
+  double gyro_change_sq_ = 0.0;  ///< running mean square of the change between samples, about z
+  Eigen::Vector3d held_gyro_turn_ = Eigen::Vector3d::Zero();  ///< since the last gyro message
+  double gyro_turn_since_wheels_ = 0.0;
+  bool gyro_since_wheels_ = false;
+  std::optional<WheelTurn> wheel_turn_;
+  Eigen::Vector3d force_mps2_ = Eigen::Vector3d::Zero();
+  bool has_force_ = false;
+  double wheel_acceleration_mps2_ = 0.0;
   bool gyro_still_ = true;
   Eigen::Vector3d up_imu_ = Eigen::Vector3d::Zero();  ///< running mean specific force [m/s^2]
   int up_samples_ = 0;

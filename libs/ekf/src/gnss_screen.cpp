@@ -12,9 +12,20 @@ constexpr double kDoubt_s = 5.0;
 constexpr int kFewSatellites = 5;
 constexpr double kFewSatellitesFactor = 2.0;
 constexpr double kClusterSigmas = 1.0;  ///< rms spread of a cluster about its mean
+constexpr double kVertical = 1.5;       ///< heights are so much worse than positions, at least
+constexpr double kSpeedSlack = 6.0;     ///< sigmas by which two fixes may differ at one place
+constexpr double kMostVariance = 1e8;   ///< [m^2] a receiver that claims more says nothing
+constexpr double kSpacing_s = 1.0;      ///< nearer fixes replace each other
+constexpr std::size_t kMaxCandidates = 200;
 
 bool isRtk(GnssFixType type) {
   return type == GnssFixType::kRtkFixed || type == GnssFixType::kRtkFloat;
+}
+
+/// Fixes within this time say the same as one.
+double repeatTime(bool carrier_phase, const GnssParams& p) {
+  if (carrier_phase) return p.rtk_slow_share > 0.0 ? 0.0 : p.rtk_correlation_s;
+  return p.slow_share > 0.0 ? p.repeat_s : p.correlation_s;
 }
 
 double floorOf(GnssFixType type, const GnssParams& p) {
@@ -35,59 +46,78 @@ double floorOf(GnssFixType type, const GnssParams& p) {
 
 }  // namespace
 
-GnssScreen::Worth GnssScreen::assess(
-    Timestamp stamp,
-    const std::optional<Eigen::Matrix2d>& cov,
-    GnssFixType type,
-    std::optional<double> hdop,
-    std::optional<int> satellites) {
+GnssScreen::Worth GnssScreen::assess(const MapFix& fix) {
+  const GnssParams& gnss = params_->gnss;
   Worth worth;
-  if (type == GnssFixType::kNone) {
+  if (fix.type == GnssFixType::kNone) {
     worth.refused = "no fix";
     return worth;
   }
-  double least = floorOf(type, params_.gnss);
-  // A dilution of precision scales code errors; carrier-phase fixes carry their own floor.
-  if (hdop && std::isfinite(*hdop) && !isRtk(type)) {
-    least = std::max(least, *hdop * params_.gnss.uere_m);
+  worth.carrier_phase = isRtk(fix.type);
+  double least = floorOf(fix.type, gnss);
+  // A dilution of precision scales code errors, both axes together; carrier-phase fixes carry their
+  // own floor.
+  if (fix.hdop && std::isfinite(*fix.hdop) && !worth.carrier_phase) {
+    least = std::max(least, *fix.hdop * gnss.uere_m / std::sqrt(2.0));
   }
-  double factor = 1.0;
-  if (satellites && *satellites < kFewSatellites) factor = kFewSatellitesFactor;
-  if (last_fix_ && toSeconds(stamp - *last_fix_) > params_.gnss.gap_s) {
-    doubtful_until_ = stamp + durationFromSeconds(kDoubt_s);
+  double doubt = 1.0;
+  if (fix.satellites && *fix.satellites < kFewSatellites) doubt = kFewSatellitesFactor;
+  if (last_fix_ && toSeconds(fix.stamp - *last_fix_) > gnss.gap_s) {
+    doubtful_until_ = fix.stamp + durationFromSeconds(kDoubt_s);
   }
-  last_fix_ = stamp;
-  if (doubtful_until_ && stamp < *doubtful_until_) factor = std::max(factor, kDoubtFactor);
+  last_fix_ = fix.stamp;
+  if (doubtful_until_ && fix.stamp < *doubtful_until_) doubt = std::max(doubt, kDoubtFactor);
 
   Eigen::Matrix2d reported = Eigen::Matrix2d::Zero();
-  if (cov && cov->allFinite()) reported = 0.5 * (*cov + cov->transpose());
+  double reported_up = 0.0;
+  if (fix.cov && fix.cov->allFinite() && fix.cov->cwiseAbs().maxCoeff() < kMostVariance) {
+    reported = 0.5 * (fix.cov->topLeftCorner<2, 2>() + fix.cov->topLeftCorner<2, 2>().transpose());
+    reported_up = (*fix.cov)(2, 2);
+  } else if (fix.cov && fix.cov->allFinite()) {
+    reported = kMostVariance * Eigen::Matrix2d::Identity();
+  }
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(reported);
-  const Eigen::Vector2d variances = axes.eigenvalues().cwiseMax(least * least) * (factor * factor);
-  worth.R = axes.eigenvectors() * variances.asDiagonal() * axes.eigenvectors().transpose();
+  const Eigen::Vector2d variances = axes.eigenvalues().cwiseMax(least * least);
   worth.sigma_m = std::sqrt(variances.maxCoeff());
-  if (worth.sigma_m > params_.gnss.max_sigma_m * factor) worth.refused = "sigma";
-
-  const double correlation_s =
-      isRtk(type) ? params_.gnss.rtk_correlation_s : params_.gnss.correlation_s;
-  const double interval_s =
-      last_used_ ? std::max(1e-3, toSeconds(stamp - *last_used_)) : 2.0 * correlation_s;
-  worth.inflation = std::max(1.0, 2.0 * correlation_s / interval_s);
+  if (!(worth.sigma_m <= gnss.max_sigma_m)) {
+    worth.refused = "sigma";
+    return worth;
+  }
+  worth.R.topLeftCorner<2, 2>() = doubt * doubt * axes.eigenvectors() * variances.asDiagonal() *
+                                  axes.eigenvectors().transpose();
+  if (last_used_) {
+    const double interval_s = std::max(1e-3, toSeconds(fix.stamp - *last_used_));
+    worth.repeats = std::max(1.0, 2.0 * repeatTime(worth.carrier_phase, gnss) / interval_s);
+  }
+  const double least_up = kVertical * kVertical * worth.sigma_m * worth.sigma_m;
+  worth.R(2, 2) = doubt * doubt * std::max(reported_up, least_up);
   return worth;
 }
 
-void GnssScreen::accepted(Timestamp stamp) {
-  last_used_ = stamp;
+bool GnssScreen::tooFast(const MapFix& fix, double sigma_m) const {
+  if (!last_used_) return false;
+  const double dt_s = toSeconds(fix.stamp - *last_used_);
+  const double moved_m = (fix.p_map_antenna.head<2>() - last_used_at_).norm();
+  return moved_m > params_->gnss.max_speed_mps * dt_s + kSpeedSlack * sigma_m;
+}
+
+void GnssScreen::accepted(const MapFix& fix) {
+  last_used_ = fix.stamp;
+  last_used_at_ = fix.p_map_antenna.head<2>();
   candidates_.clear();
 }
 
 std::optional<GnssScreen::Cluster> GnssScreen::refused(
-    Timestamp stamp,
-    const Eigen::Vector2d& p_map_antenna,
-    double sigma_m,
-    const Pose2& T_odom_base,
-    double yaw_map_base) {
-  candidates_.push_back({stamp, p_map_antenna, T_odom_base, sigma_m});
-  const auto enough = static_cast<std::size_t>(params_.recovery.min_fixes);
+    const MapFix& fix, double sigma_m, const Pose2& T_odom_base, double yaw_map_base) {
+  const Candidate candidate{fix.stamp, fix.p_map_antenna.head<2>(), T_odom_base, sigma_m};
+  const std::size_t count = candidates_.size();
+  if (count >= 2 && toSeconds(fix.stamp - candidates_[count - 2].stamp) < kSpacing_s) {
+    candidates_.back() = candidate;
+  } else {
+    candidates_.push_back(candidate);
+  }
+  if (candidates_.size() > kMaxCandidates) candidates_.pop_front();
+  const auto enough = static_cast<std::size_t>(params_->recovery.min_fixes);
   // Where each fix, carried on by the odometry since then, puts the base now.
   std::vector<Eigen::Vector2d> now;
   for (const Candidate& c : candidates_) {
@@ -119,8 +149,8 @@ std::optional<GnssScreen::Cluster> GnssScreen::refused(
   for (const Candidate& c : candidates_) {
     travel_m = std::max(travel_m, distance(c.T_odom_base, T_odom_base));
   }
-  if (toSeconds(stamp - candidates_.front().stamp) < params_.recovery.min_span_s ||
-      travel_m < params_.recovery.min_travel_m) {
+  if (toSeconds(fix.stamp - candidates_.front().stamp) < params_->recovery.min_span_s ||
+      travel_m < params_->recovery.min_travel_m) {
     return std::nullopt;
   }
   const auto n = static_cast<double>(agreeing);

@@ -4,47 +4,41 @@
 #include <deque>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "vestibule/core/frames.hpp"
 #include "vestibule/core/time.hpp"
+#include "vestibule/ekf/filter.hpp"
 #include "vestibule/ekf/params.hpp"
-#include "vestibule/sensors/measurements.hpp"
 
 namespace vestibule::ekf {
 
 /// What a fix is worth before it meets the estimate, and what to do when fixes keep being refused.
 class GnssScreen {
  public:
+  /// \param params outlives it and its copies
   GnssScreen(const FilterParams& params, const Point2& p_base_antenna)
-      : params_(params), p_base_antenna_(p_base_antenna) {}
+      : params_(&params), p_base_antenna_(p_base_antenna) {}
 
   struct Worth {
     std::string refused;  ///< why the fix cannot be used at all; empty otherwise
-    Eigen::Matrix2d R = Eigen::Matrix2d::Zero();  ///< of this one fix
-    double inflation = 1.0;  ///< of R when used: its error is mostly that of the fix before
-    double sigma_m = 0.0;    ///< larger axis
+    Eigen::Matrix3d R = Eigen::Matrix3d::Zero();  ///< of this one fix, doubts included
+    double sigma_m = 0.0;                         ///< horizontal, larger axis, without doubts
+    bool carrier_phase = false;
+    double repeats = 1.0;  ///< so many fixes in a row say the same
   };
   /// Notes the stamp: silence before a fix makes the next ones doubtful.
-  [[nodiscard]] Worth assess(
-      Timestamp stamp,
-      const std::optional<Eigen::Matrix2d>& cov,
-      GnssFixType type,
-      std::optional<double> hdop,
-      std::optional<int> satellites);
+  [[nodiscard]] Worth assess(const MapFix& fix);
+  /// Whether the robot would have had to be faster than any since the last accepted fix.
+  [[nodiscard]] bool tooFast(const MapFix& fix, double sigma_m) const;
 
-  void accepted(Timestamp stamp);
+  void accepted(const MapFix& fix);
   struct Cluster {
     Eigen::Vector2d p_map_base;
     Eigen::Matrix2d cov;
   };
   /// Keeps a refused fix. When enough of them moved as the odometry did, where they put the robot.
   [[nodiscard]] std::optional<Cluster> refused(
-      Timestamp stamp,
-      const Eigen::Vector2d& p_map_antenna,
-      double sigma_m,
-      const Pose2& T_odom_base,
-      double yaw_map_base);
+      const MapFix& fix, double sigma_m, const Pose2& T_odom_base, double yaw_map_base);
   void forget();
 
  private:
@@ -55,10 +49,11 @@ class GnssScreen {
     double sigma_m;
   };
 
-  FilterParams params_;
+  const FilterParams* params_;
   Point2 p_base_antenna_;
   std::optional<Timestamp> last_fix_;
   std::optional<Timestamp> last_used_;
+  Eigen::Vector2d last_used_at_ = Eigen::Vector2d::Zero();
   std::optional<Timestamp> doubtful_until_;
   std::deque<Candidate> candidates_;
 };

@@ -7,122 +7,323 @@
 namespace vestibule::ekf {
 namespace {
 
-/// The step in map axes and what it depends on.
-struct Displacement {
-  double turn;  ///< bias removed
-  double cos;   ///< of the mean heading
-  double sin;
-  double dx;
-  double dy;
+constexpr double kGravity_mps2 = 9.81;
+
+constexpr std::uint32_t bits(int first, int count) {
+  return ((1U << static_cast<unsigned>(count)) - 1U) << static_cast<unsigned>(first);
+}
+// What a step takes from: attitude, gyro bias and the wheels' faults while they carry the robot,
+// velocity and the inertial sensor's faults while it coasts.
+constexpr std::uint32_t kRolling = bits(kAtt, 3) | bits(kGyroBias, 3) | bits(kWheelScale, 4);
+constexpr std::uint32_t kCoasting =
+    bits(kVel, 3) | bits(kAtt, 3) | bits(kGyroBias, 3) | bits(kAccelBias, 3);
+/// Errors that do not exist in the plane.
+constexpr std::uint32_t kSpatial = bits(kPos + 2, 1) | bits(kVel + 2, 1) | bits(kAtt, 2) |
+                                   bits(kGyroBias, 2) | bits(kAccelBias, 3) |
+                                   bits(kGnssBias + 2, 1);
+
+/// The step in map axes and what its parts are made of.
+struct Course {
+  Eigen::Vector3d turn;   ///< base axes, faults removed
+  Eigen::Matrix3d R_mid;  ///< attitude halfway
+  Eigen::Quaterniond q_end;
+  Eigen::Vector3d by_wheels;  ///< rolling: displacement by the wheels, map axes
+  Eigen::Vector3d d;          ///< displacement, map axes
+  Eigen::Vector3d v_end;
+  Eigen::Vector3d push;  ///< coasting: specific force in map axes, bias removed
 };
 
-Displacement displacement(const State& x, const Motion& u) {
-  Displacement d{};
-  d.turn = u.turn_rad - (u.turn_is_gyro ? x[kGyroBias] * u.dt_s : 0.0);
-  const double heading = x[kYaw] + 0.5 * d.turn;
-  const double scale = std::exp(x[kWheelScale]);
-  d.cos = std::cos(heading);
-  d.sin = std::sin(heading);
-  d.dx = scale * (d.cos * u.forward_m - d.sin * u.left_m);
-  d.dy = scale * (d.sin * u.forward_m + d.cos * u.left_m);
-  return d;
+Course courseOf(const State& x, const Motion& u, bool planar) {
+  Course c;
+  c.turn = planar ? Eigen::Vector3d(0.0, 0.0, u.turn_rad.z()) : u.turn_rad;
+  if (u.turn_is_gyro) {
+    c.turn.z() -= x.gyro_bias.z() * u.dt_s;
+    if (!planar) c.turn.head<2>() -= x.gyro_bias.head<2>() * u.dt_s;
+  } else {
+    c.turn.z() = std::exp(-x.track) * c.turn.z() + x.wheel_skew * u.forward_m;
+  }
+  const Eigen::Quaterniond q_mid = x.q * rotationExp(0.5 * c.turn);
+  c.q_end = (x.q * rotationExp(c.turn)).normalized();
+  c.R_mid = q_mid.toRotationMatrix();
+  c.push.setZero();
+  if (u.rolling) {
+    const double scale = std::exp(x.wheel_scale);
+    c.by_wheels = c.R_mid * Eigen::Vector3d(scale * u.forward_m, scale * u.left_m, 0.0);
+    c.d = c.by_wheels - c.R_mid.col(1) * (x.icr_x * c.turn.z());
+    c.v_end = c.q_end * Eigen::Vector3d(scale * u.speed_mps, scale * u.left_mps, 0.0);
+  } else {
+    c.by_wheels.setZero();
+    c.push = c.R_mid * (u.force_mps2 - x.accel_bias);
+    const Eigen::Vector3d a = c.push - Eigen::Vector3d(0.0, 0.0, kGravity_mps2);
+    c.d = u.dt_s * x.v + (0.5 * u.dt_s * u.dt_s) * a;
+    c.v_end = x.v + u.dt_s * a;
+  }
+  return c;
+}
+
+State arrived(const State& x, const Motion& u, const Course& c) {
+  State next = x;
+  next.p += c.d;
+  next.v = c.v_end;
+  next.q = c.q_end;
+  next.gnss_bias *= u.gnss_bias_decay;
+  next.disturbance *= u.disturbance_decay;
+  return next;
 }
 
 }  // namespace
 
-State PlanarModel::transition(const State& x, const Motion& u) {
-  const Displacement d = displacement(x, u);
-  State next = x;
-  next[kX] += d.dx;
-  next[kY] += d.dy;
-  next[kYaw] = wrapToPi(x[kYaw] + d.turn);
-  next[kDisturbance] = u.disturbance_decay * x[kDisturbance];
-  return next;
-}
-
-StateMatrix PlanarModel::jacobian(const State& x, const Motion& u) {
-  const Displacement d = displacement(x, u);
-  StateMatrix F = StateMatrix::Identity();
-  F(kX, kYaw) = -d.dy;
-  F(kY, kYaw) = d.dx;
-  F(kX, kWheelScale) = d.dx;
-  F(kY, kWheelScale) = d.dy;
-  F(kDisturbance, kDisturbance) = u.disturbance_decay;
-  if (u.turn_is_gyro) {
-    F(kYaw, kGyroBias) = -u.dt_s;
-    F(kX, kGyroBias) = 0.5 * u.dt_s * d.dy;
-    F(kY, kGyroBias) = -0.5 * u.dt_s * d.dx;
-  }
+StateMatrix Transition::F() const {
+  StateMatrix F = keep.asDiagonal();
+  F.topRows<kTop>() += coupling;
   return F;
 }
 
-StateMatrix PlanarModel::processNoise(const State& x, const Motion& u) {
-  const Displacement d = displacement(x, u);
-  // Columns: forward, left, turn. A turn error acts on the mean heading with half its size.
-  Eigen::Matrix3d G;
-  G << d.cos, -d.sin, -0.5 * d.dy,  //
-      d.sin, d.cos, 0.5 * d.dx,     //
-      0.0, 0.0, 1.0;
-  const Eigen::Vector3d variances(u.forward_var, u.left_var, u.turn_var);
+StateMatrix Transition::Q() const {
   StateMatrix Q = StateMatrix::Zero();
-  Q.topLeftCorner<3, 3>() = G * variances.asDiagonal() * G.transpose();
-  Q(kGyroBias, kGyroBias) = u.gyro_bias_var;
-  Q(kWheelScale, kWheelScale) = u.wheel_scale_var;
-  Q(kHeadingOffset, kHeadingOffset) = u.heading_offset_var;
-  Q(kDisturbance, kDisturbance) = u.disturbance_var;
+  Q.topLeftCorner<kTop, kTop>() = top_noise;
+  Q.diagonal().tail<kRest>() = rest_noise;
   return Q;
 }
 
-Observation PlanarModel::gnss(
+bool Observation::finite() const {
+  return rows >= 1 && residual.allFinite() && R.allFinite() && H.allFinite();
+}
+
+State Model::transition(const State& x, const Motion& u) const {
+  return arrived(x, u, courseOf(x, u, planar_));
+}
+
+Model::Predicted Model::predict(const State& x, const Motion& u) const {
+  const Course c = courseOf(x, u, planar_);
+  Predicted result;
+  result.x = arrived(x, u, c);
+  Transition& t = result.step;
+  auto& A = t.coupling;
+  t.keep.segment<3>(kVel).setZero();
+  t.keep.segment<3>(kGnssBias).setConstant(u.gnss_bias_decay);
+  t.keep[kDisturbance] = u.disturbance_decay;
+
+  // What a turn error about the base axes does to position, velocity and attitude.
+  const Eigen::Matrix3d skew_d = skew(c.d);
+  Eigen::Matrix<double, 9, 3> by_turn;
+  by_turn.middleRows<3>(kAtt) = c.R_mid;
+  if (u.rolling) {
+    by_turn.middleRows<3>(kPos).noalias() = -0.5 * skew_d * c.R_mid;
+    by_turn.col(2).segment<3>(kPos) -= x.icr_x * c.R_mid.col(1);
+    const Eigen::Matrix3d skew_v = skew(c.v_end);
+    by_turn.middleRows<3>(kVel).noalias() = -skew_v * c.R_mid;
+    A.block<3, 3>(kPos, kAtt) = -skew_d;
+    A.block<3, 3>(kVel, kAtt) = -skew_v;
+    A.col(kWheelScale).segment<3>(kPos) = c.by_wheels;
+    A.col(kWheelScale).segment<3>(kVel) = c.v_end;
+    A.col(kIcrX).segment<3>(kPos) = -c.turn.z() * c.R_mid.col(1);
+    t.columns = kRolling;
+  } else {
+    const Eigen::Matrix3d skew_push = skew(c.push);
+    A.block<3, 3>(kVel, kVel).setIdentity();
+    A.block<3, 3>(kPos, kVel) = u.dt_s * Eigen::Matrix3d::Identity();
+    A.block<3, 3>(kVel, kAtt) = -u.dt_s * skew_push;
+    A.block<3, 3>(kPos, kAtt) = (-0.5 * u.dt_s * u.dt_s) * skew_push;
+    A.block<3, 3>(kVel, kAccelBias) = -u.dt_s * c.R_mid;
+    A.block<3, 3>(kPos, kAccelBias) = (-0.5 * u.dt_s * u.dt_s) * c.R_mid;
+    by_turn.middleRows<3>(kVel).noalias() = (-0.5 * u.dt_s) * skew_push * c.R_mid;
+    by_turn.middleRows<3>(kPos) = 0.5 * u.dt_s * by_turn.middleRows<3>(kVel);
+    t.columns = kCoasting;
+  }
+  if (u.turn_is_gyro) {
+    A.middleCols<3>(kGyroBias) = -u.dt_s * by_turn;
+  } else {
+    A.col(kTrack) = -std::exp(-x.track) * u.turn_rad.z() * by_turn.col(2);
+    A.col(kWheelSkew) = u.forward_m * by_turn.col(2);
+    t.columns |= bits(kWheelSkew, 2);
+  }
+  if (planar_) t.columns &= ~kSpatial;
+
+  auto& Q = t.top_noise;
+  const auto add = [&Q](const Eigen::Matrix<double, 9, 1>& direction, double variance) {
+    Q.noalias() += variance * direction * direction.transpose();
+  };
+  add(by_turn.col(2), u.turn_var);
+  if (!planar_) {
+    add(by_turn.col(0), u.tilt_var);
+    add(by_turn.col(1), u.tilt_var);
+  }
+  const Eigen::Matrix3d& R = c.R_mid;
+  auto Q_p = Q.block<3, 3>(kPos, kPos);
+  Q_p += u.forward_var * R.col(0) * R.col(0).transpose() +
+         u.left_var * R.col(1) * R.col(1).transpose();
+  if (!planar_) Q_p += u.up_var * R.col(2) * R.col(2).transpose();
+  const int axes = planar_ ? 2 : 3;
+  for (int i = 0; i < axes; ++i) {
+    Q(kVel + i, kVel + i) += u.speed_var;
+    if (u.rolling) continue;
+    // An impulse halfway.
+    Q(kPos + i, kPos + i) += 0.25 * u.dt_s * u.dt_s * u.speed_var;
+    Q(kPos + i, kVel + i) += 0.5 * u.dt_s * u.speed_var;
+    Q(kVel + i, kPos + i) += 0.5 * u.dt_s * u.speed_var;
+  }
+
+  const auto rest = [&t](int index) -> double& { return t.rest_noise[index - Transition::kTop]; };
+  for (int i = planar_ ? 2 : 0; i < 3; ++i) rest(kGyroBias + i) = u.gyro_bias_var;
+  for (int i = 0; i < axes; ++i) rest(kGnssBias + i) = u.gnss_bias_var;
+  if (!planar_) {
+    for (int i = 0; i < 3; ++i) rest(kAccelBias + i) = u.accel_bias_var;
+  }
+  rest(kWheelScale) = u.wheel_scale_var;
+  rest(kWheelSkew) = u.wheel_skew_var;
+  rest(kTrack) = u.track_var;
+  rest(kIcrX) = u.icr_var;
+  rest(kHeadingOffset) = u.heading_offset_var;
+  rest(kDisturbance) = u.disturbance_var;
+  return result;
+}
+
+void Model::constrain(StateMatrix& P) const {
+  if (!planar_) return;
+  for (int i = 0; i < kStateSize; ++i) {
+    if ((kSpatial >> static_cast<unsigned>(i) & 1U) == 0U) continue;
+    P.row(i).setZero();
+    P.col(i).setZero();
+  }
+}
+
+Observation Model::gnssPosition(
     const State& x,
-    const Eigen::Vector2d& p_map_antenna,
-    const Point2& p_base_antenna,
-    const Eigen::Matrix2d& R) {
-  const double c = std::cos(x[kYaw]);
-  const double s = std::sin(x[kYaw]);
-  const Eigen::Vector2d lever(
-      c * p_base_antenna.x - s * p_base_antenna.y, s * p_base_antenna.x + c * p_base_antenna.y);
+    const Eigen::Vector3d& p_map_antenna,
+    const Eigen::Vector3d& p_base_antenna,
+    const Eigen::Matrix3d& R) const {
+  const Eigen::Vector3d lever = x.q * p_base_antenna;
+  const Eigen::Matrix3d by_attitude = -skew(lever);
   Observation z;
-  z.residual = p_map_antenna - x.head<2>() - lever;
-  z.H.setZero(2, kStateSize);
-  z.H(0, kX) = 1.0;
-  z.H(1, kY) = 1.0;
-  z.H(0, kYaw) = -lever.y();
-  z.H(1, kYaw) = lever.x();
+  z.rows = planar_ ? 2 : 3;
+  z.residual = p_map_antenna - x.p - lever - x.gnss_bias;
   z.R = R;
+  for (int i = 0; i < z.rows; ++i) {
+    z.set(i, kPos + i, 1.0);
+    z.set(i, kGnssBias + i, 1.0);
+    z.set(i, kAtt + 2, by_attitude(i, 2));
+    if (planar_) continue;
+    z.set(i, kAtt, by_attitude(i, 0));
+    z.set(i, kAtt + 1, by_attitude(i, 1));
+  }
   return z;
 }
 
-Observation PlanarModel::heading(const State& x, double yaw_rad, double sigma_rad) {
+Observation Model::heading(const State& x, double yaw_rad, double sigma_rad) const {
   Observation z;
-  z.residual.setConstant(1, angleDiff(yaw_rad, x[kYaw] + x[kHeadingOffset] + x[kDisturbance]));
-  z.H.setZero(1, kStateSize);
-  z.H(0, kYaw) = 1.0;
-  z.H(0, kHeadingOffset) = 1.0;
-  z.H(0, kDisturbance) = 1.0;
-  z.R.setConstant(1, 1, sigma_rad * sigma_rad);
+  z.rows = 1;
+  z.residual[0] = angleDiff(yaw_rad, x.yaw() + x.heading_offset + x.disturbance);
+  z.R(0, 0) = sigma_rad * sigma_rad;
+  z.set(0, kAtt + 2, 1.0);
+  z.set(0, kHeadingOffset, 1.0);
+  z.set(0, kDisturbance, 1.0);
+  if (!planar_) {
+    const Eigen::Vector3d nose = x.q * Eigen::Vector3d::UnitX();
+    const double level_sq = nose.head<2>().squaredNorm();
+    if (level_sq > 1e-6) {
+      z.set(0, kAtt, -nose.z() * nose.x() / level_sq);
+      z.set(0, kAtt + 1, -nose.z() * nose.y() / level_sq);
+    }
+  }
   return z;
 }
 
-Observation PlanarModel::pose(const State& x, const PoseWithCovariance& T_map_base) {
+Observation Model::tilt(const State& x, double roll_rad, double pitch_rad, double sigma_rad) const {
+  const Eigen::Vector3d up =
+      attitudeOf(0.0, pitch_rad, roll_rad).conjugate() * Eigen::Vector3d::UnitZ();
+  const Eigen::Matrix3d R_base_map = x.q.conjugate().toRotationMatrix();
+  const Eigen::Matrix3d by_attitude = R_base_map * skew(Eigen::Vector3d::UnitZ());
   Observation z;
-  z.residual.resize(3);
-  z.residual << T_map_base.mean.x - x[kX], T_map_base.mean.y - x[kY],
-      angleDiff(T_map_base.mean.phi, x[kYaw]);
-  z.H.setZero(3, kStateSize);
-  z.H(0, kX) = 1.0;
-  z.H(1, kY) = 1.0;
-  z.H(2, kYaw) = 1.0;
+  z.rows = 3;
+  z.residual = up - R_base_map.col(2);
+  z.R = sigma_rad * sigma_rad * Eigen::Matrix3d::Identity();
+  for (int i = 0; i < 3; ++i) {
+    z.set(i, kAtt, by_attitude(i, 0));
+    z.set(i, kAtt + 1, by_attitude(i, 1));
+  }
+  return z;
+}
+
+Observation Model::gravity(
+    const State& x,
+    const Eigen::Vector3d& force_mps2,
+    const Eigen::Vector3d& accel_base_mps2,
+    double sigma_mps2) const {
+  const Eigen::Matrix3d R_base_map = x.q.conjugate().toRotationMatrix();
+  const Eigen::Matrix3d by_attitude = kGravity_mps2 * R_base_map * skew(Eigen::Vector3d::UnitZ());
+  Observation z;
+  z.rows = 3;
+  z.residual = force_mps2 - kGravity_mps2 * R_base_map.col(2) - accel_base_mps2 - x.accel_bias;
+  z.R = sigma_mps2 * sigma_mps2 * Eigen::Matrix3d::Identity();
+  for (int i = 0; i < 3; ++i) {
+    z.set(i, kAtt, by_attitude(i, 0));
+    z.set(i, kAtt + 1, by_attitude(i, 1));
+    z.set(i, kAccelBias + i, 1.0);
+  }
+  return z;
+}
+
+Observation Model::pose(const State& x, const PoseWithCovariance& T_map_base) const {
+  Observation z;
+  z.rows = 3;
+  z.residual << T_map_base.mean.x - x.p.x(), T_map_base.mean.y - x.p.y(),
+      angleDiff(T_map_base.mean.phi, x.yaw());
   z.R = T_map_base.cov;
+  z.set(0, kPos, 1.0);
+  z.set(1, kPos + 1, 1.0);
+  z.set(2, kAtt + 2, 1.0);
   return z;
 }
 
-Observation PlanarModel::zeroRate(const State& x, double omega_radps, double sigma_radps) {
+Observation Model::zeroRate(
+    const State& x, const Eigen::Vector3d& omega_radps, double sigma_radps) const {
   Observation z;
-  z.residual.setConstant(1, omega_radps - x[kGyroBias]);
-  z.H.setZero(1, kStateSize);
-  z.H(0, kGyroBias) = 1.0;
-  z.R.setConstant(1, 1, sigma_radps * sigma_radps);
+  z.R = sigma_radps * sigma_radps * Eigen::Matrix3d::Identity();
+  for (int i = planar_ ? 2 : 0; i < 3; ++i) {
+    z.residual[z.rows] = omega_radps[i] - x.gyro_bias[i];
+    z.set(z.rows, kGyroBias + i, 1.0);
+    ++z.rows;
+  }
+  return z;
+}
+
+Observation Model::nonHolonomic(
+    const State& x, double omega_z_radps, double sigma_left_mps, double sigma_up_mps) const {
+  const Eigen::Matrix3d R_base_map = x.q.conjugate().toRotationMatrix();
+  const Eigen::Vector3d v_base = R_base_map * x.v;
+  const Eigen::Matrix3d by_attitude = R_base_map * skew(x.v);
+  const double omega = omega_z_radps - x.gyro_bias.z();
+  Observation z;
+  z.rows = planar_ ? 1 : 2;
+  z.residual << -v_base.y() - omega * x.icr_x, -v_base.z(), 0.0;
+  z.R.diagonal() << sigma_left_mps * sigma_left_mps, sigma_up_mps * sigma_up_mps, 1.0;
+  for (int i = 0; i < z.rows; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      z.set(i, kVel + j, R_base_map(i + 1, j));
+      z.set(i, kAtt + j, by_attitude(i + 1, j));
+    }
+  }
+  z.set(0, kIcrX, omega);
+  z.set(0, kGyroBias + 2, -x.icr_x);
+  return z;
+}
+
+Observation Model::wheelTurn(
+    const State& x,
+    double wheel_turn_rad,
+    double gyro_turn_rad,
+    double forward_m,
+    double dt_s,
+    double sigma_rad) const {
+  const double ratio = std::exp(x.track);
+  const double turn = gyro_turn_rad - x.gyro_bias.z() * dt_s - x.wheel_skew * forward_m;
+  Observation z;
+  z.rows = 1;
+  z.residual[0] = wheel_turn_rad - ratio * turn;
+  z.R(0, 0) = sigma_rad * sigma_rad;
+  z.set(0, kTrack, ratio * turn);
+  z.set(0, kWheelSkew, -ratio * forward_m);
   return z;
 }
 

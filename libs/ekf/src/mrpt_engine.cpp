@@ -1,18 +1,45 @@
-// The only translation unit that instantiates MRPT's Kalman base (10 s of compile time).
+// The only translation unit that instantiates MRPT's Kalman base.
 #include <mrpt/bayes/CKalmanFilterCapable.h>
 
 #include <Eigen/Cholesky>
+#include <sstream>
+#include <string>
 
-#include "vestibule/core/angles.hpp"
 #include "vestibule/ekf/engine.hpp"
+
+// Debian's libmrpt-math has fixed-size matrices of a few sizes only, and the files that define
+// these members for others are not installed. 24 x 24, 3 x 24 and 3 x 3 need them.
+namespace mrpt::math {
+template <class Scalar, class Derived>
+Scalar MatrixVectorBase<Scalar, Derived>::sum_abs() const {
+  return mvbDerived().asEigen().array().abs().sum();
+}
+template <class Scalar, class Derived>
+Derived MatrixVectorBase<Scalar, Derived>::impl_op_subs(const Derived& other) const {
+  Derived result;
+  result.asEigen() = mvbDerived().asEigen() - other.asEigen();
+  return result;
+}
+template <class Scalar, class Derived>
+void MatrixVectorBase<Scalar, Derived>::impl_op_selfsubs(const Derived& other) {
+  mvbDerived().asEigen() -= other.asEigen();
+}
+template <class Scalar, class Derived>
+std::string MatrixVectorBase<Scalar, Derived>::asString() const {
+  std::ostringstream text;
+  text << mvbDerived().asEigen();
+  return text.str();
+}
+}  // namespace mrpt::math
 
 namespace vestibule::ekf {
 namespace {
 
-/// Rows per MRPT update. MRPT fixes the size of an observation at compile time, so observations
-/// are whitened and handed over in pairs; an odd last row is paired with one that says nothing.
-constexpr std::size_t kRows = 2;
+/// MRPT fixes the size of an observation at compile time: rows that are not there get unit noise
+/// and say nothing.
+constexpr std::size_t kRows = Observation::kMaxRows;
 
+/// MRPT's filter over the error vector, which is zero before every operation.
 class MrptKalman : public mrpt::bayes::CKalmanFilterCapable<kStateSize, kRows, 0, 1> {
  public:
   MrptKalman() {
@@ -22,53 +49,38 @@ class MrptKalman : public mrpt::bayes::CKalmanFilterCapable<kStateSize, kRows, 0
     KF_options.enable_profiler = false;
   }
 
-  void set(const State& x, const StateMatrix& P) {
-    m_xkk.asEigen() = x;
-    m_pkk.asEigen() = P;
-  }
-  [[nodiscard]] State state() const { return m_xkk.asEigen(); }
-  [[nodiscard]] StateMatrix covariance() const { return m_pkk.asEigen(); }
-
-  void predict(const Motion& u) {
-    x_before_ = state();
-    motion_ = &u;
-    rows_ = nullptr;
-    runOneKalmanIteration();
-    motion_ = nullptr;
-    symmetrise();
-  }
-
-  struct Rows {
-    Eigen::Vector2d residual = Eigen::Vector2d::Zero();
-    Eigen::Matrix<double, kRows, kStateSize> H = Eigen::Matrix<double, kRows, kStateSize>::Zero();
-  };
-  /// Rows with unit noise.
-  void update(const Rows& rows) {
-    motion_ = nullptr;
-    rows_ = &rows;
-    runOneKalmanIteration();
-    rows_ = nullptr;
-    m_xkk[kYaw] = wrapToPi(m_xkk[kYaw]);
-    m_xkk[kHeadingOffset] = wrapToPi(m_xkk[kHeadingOffset]);
-    symmetrise();
+  void predict(StateMatrix& P, const Transition& step) { run(P, &step, nullptr); }
+  Error update(StateMatrix& P, const Observation& z) {
+    // MRPT's covariance (I - K H) P loses its definiteness when a measurement is a million times
+    // better than the estimate: the same gain goes into the Joseph form.
+    const int m = z.rows;
+    const Error before = P.diagonal();
+    const Eigen::MatrixXd H = z.H.topRows(m);
+    const Eigen::MatrixXd R = z.R.topLeftCorner(m, m);
+    const Eigen::MatrixXd W = P * H.transpose();
+    const Eigen::MatrixXd K = (H * W + R).llt().solve(W.transpose()).transpose();
+    const StateMatrix A = StateMatrix::Identity() - K * H;
+    StateMatrix joseph = A * P * A.transpose() + K * R * K.transpose();
+    run(P, nullptr, &z);
+    P = 0.5 * (joseph + joseph.transpose());
+    P.diagonal() += kRoundingGuard * (before + P.diagonal());
+    return m_xkk.asEigen();
   }
 
  protected:
-  void OnGetAction(KFArray_ACT& u) const override { u[0] = 0.0; }  // the action is motion_
-
+  void OnGetAction(KFArray_ACT& u) const override { u[0] = 0.0; }
   void OnTransitionModel(const KFArray_ACT&, KFArray_VEH& x, bool& skip) const override {
-    skip = motion_ == nullptr;
-    if (skip) return;
-    const State next = PlanarModel::transition(x_before_, *motion_);
-    for (int i = 0; i < kStateSize; ++i) x[i] = next[i];
+    skip = step_ == nullptr;
+    if (!skip) x.fill(0.0);
   }
-  void OnTransitionJacobian(KFMatrix_VxV& F) const override {
-    F.asEigen() = PlanarModel::jacobian(x_before_, *motion_);
+  void OnTransitionJacobian(KFMatrix_VxV& F) const override { F.asEigen() = step_->F(); }
+  void OnTransitionNoise(KFMatrix_VxV& Q) const override { Q.asEigen() = step_->Q(); }
+  void OnGetObservationNoise(KFMatrix_OxO& R) const override {
+    R.setIdentity();
+    if (z_ != nullptr) {
+      R.asEigen().topLeftCorner(z_->rows, z_->rows) = z_->R.topLeftCorner(z_->rows, z_->rows);
+    }
   }
-  void OnTransitionNoise(KFMatrix_VxV& Q) const override {
-    Q.asEigen() = PlanarModel::processNoise(x_before_, *motion_);
-  }
-  void OnGetObservationNoise(KFMatrix_OxO& R) const override { R.setIdentity(); }
   void OnGetObservationsAndDataAssociation(
       vector_KFArray_OBS& z,
       std::vector<int>& association,
@@ -78,9 +90,10 @@ class MrptKalman : public mrpt::bayes::CKalmanFilterCapable<kStateSize, kRows, 0
       const KFMatrix_OxO&) override {
     z.clear();
     association.clear();
-    if (rows_ == nullptr) return;
+    if (z_ == nullptr) return;
     z.resize(1);
-    for (int i = 0; i < static_cast<int>(kRows); ++i) z[0][i] = rows_->residual[i];
+    z[0].fill(0.0);
+    for (int i = 0; i < z_->rows; ++i) z[0][i] = z_->residual[i];
   }
   // z is the residual itself, so that the prediction is zero.
   void OnObservationModel(const std::vector<size_t>&, vector_KFArray_OBS& h) const override {
@@ -88,57 +101,38 @@ class MrptKalman : public mrpt::bayes::CKalmanFilterCapable<kStateSize, kRows, 0
     h[0].fill(0.0);
   }
   void OnObservationJacobians(size_t, KFMatrix_OxV& Hx, KFMatrix_OxF&) const override {
-    if (rows_ == nullptr) {
-      Hx.setZero();
-    } else {
-      Hx.asEigen() = rows_->H;
-    }
+    Hx.setZero();
+    if (z_ != nullptr) Hx.asEigen().topRows(z_->rows) = z_->H.topRows(z_->rows);
   }
 
  private:
-  void symmetrise() {
-    const StateMatrix P = m_pkk.asEigen();
-    m_pkk.asEigen() = 0.5 * (P + P.transpose());
+  void run(StateMatrix& P, const Transition* step, const Observation* z) {
+    const Error before = P.diagonal();
+    step_ = step;
+    z_ = z;
+    m_xkk.asEigen().setZero();
+    m_pkk.asEigen() = P;
+    runOneKalmanIteration();
+    P = m_pkk.asEigen();
+    P = (0.5 * (P + P.transpose())).eval();
+    P.diagonal() += kRoundingGuard * (before + P.diagonal());
   }
 
-  State x_before_ = State::Zero();
-  const Motion* motion_ = nullptr;
-  const Rows* rows_ = nullptr;
+  const Transition* step_ = nullptr;
+  const Observation* z_ = nullptr;
 };
 
 class MrptEngine : public Engine {
  public:
-  void set(const State& x, const StateMatrix& P) override { filter_.set(x, P); }
-  void predict(const Motion& u) override { filter_.predict(u); }
-
-  void update(const Observation& z) override {
-    const Eigen::LLT<Observation::Noise> cholesky(z.R);
-    const Observation::Residual residual = cholesky.matrixL().solve(z.residual);
-    const Observation::Jacobian H = cholesky.matrixL().solve(z.H);
-    const State linearised_at = filter_.state();
-    for (int first = 0; first < z.dof(); first += static_cast<int>(kRows)) {
-      // Rows in turn equal rows at once only if all keep the linearisation of the first.
-      State moved = filter_.state() - linearised_at;
-      moved[kYaw] = wrapToPi(moved[kYaw]);
-      moved[kHeadingOffset] = wrapToPi(moved[kHeadingOffset]);
-      MrptKalman::Rows rows;
-      for (int i = 0; i < static_cast<int>(kRows) && first + i < z.dof(); ++i) {
-        rows.H.row(i) = H.row(first + i);
-        rows.residual[i] = residual[first + i] - H.row(first + i).dot(moved);
-      }
-      filter_.update(rows);
-    }
-  }
-
-  [[nodiscard]] State state() const override { return filter_.state(); }
-  [[nodiscard]] StateMatrix covariance() const override { return filter_.covariance(); }
+  void predict(StateMatrix& P, const Transition& step) const override { filter_.predict(P, step); }
+  Error update(StateMatrix& P, const Observation& z) const override { return filter_.update(P, z); }
 
  private:
-  MrptKalman filter_;
+  mutable MrptKalman filter_;  // work space only
 };
 
 }  // namespace
 
-std::unique_ptr<Engine> makeMrptEngine() { return std::make_unique<MrptEngine>(); }
+std::unique_ptr<const Engine> makeMrptEngine() { return std::make_unique<MrptEngine>(); }
 
 }  // namespace vestibule::ekf

@@ -1,10 +1,12 @@
 #pragma once
 
+#include <array>
 #include <memory>
 #include <optional>
 
 #include "vestibule/ekf/engine.hpp"
 #include "vestibule/ekf/filter.hpp"
+#include "vestibule/ekf/tape.hpp"
 
 namespace vestibule::ekf {
 
@@ -12,52 +14,94 @@ namespace vestibule::ekf {
 class Gate {
  public:
   explicit Gate(const FilterParams& params);
-  [[nodiscard]] double limit(int dof) const { return limit_[dof - 1]; }
-  [[nodiscard]] double soft(int dof) const { return soft_[dof - 1]; }
+  [[nodiscard]] double limit(int dof) const { return limit_[static_cast<std::size_t>(dof - 1)]; }
+  [[nodiscard]] double soft(int dof) const { return soft_[static_cast<std::size_t>(dof - 1)]; }
 
  private:
-  double limit_[3];
-  double soft_[3];
+  std::array<double, 3> limit_{};
+  std::array<double, 3> soft_{};
 };
 
-/// One engine with what both filters do to it: steps, gated updates, the heading sensor's offset.
+/// What every copy of a filter shares.
+struct Shared {
+  explicit Shared(const FilterParams& p);
+  FilterParams params;
+  Model model;
+  Gate gate;
+  std::unique_ptr<const Engine> engine;
+};
+
+/// One estimate with what both filters do to it: steps, gated updates, the slow errors of heading
+/// sensor and GNSS. A value: copies go on independently.
 class Tracker {
  public:
   enum class Pose {
     kCorrected,  ///< every update moves the pose as the Kalman equations say
     kContinuous  ///< position follows the motion alone: an update may turn it, never shift it
   };
-  Tracker(const FilterParams& params, Pose mode);
+  /// \param shared outlives it and its copies
+  Tracker(const Shared& shared, Pose mode);
 
-  /// Starts from a pose; wheel scale and gyro bias as given, heading offset unknown.
-  void start(
-      const PoseWithCovariance& T,
-      const Eigen::Vector2d& bias_mean_var,
-      const Eigen::Vector2d& scale_mean_var);
-  void step(const Motion& u) { engine_->predict(u); }
+  /// Starts at a pose in the plane, the heading sensor's offset unknown. \param learnt  height,
+  /// tilt and what is known of wheels and IMU are taken from it; null = nothing is known
+  void start(const PoseWithCovariance& T, const Tracker* learnt);
+  void step(Motion u);
   /// \param inflation  of R when the measurement is used; the test is against R itself
   UpdateReport offer(Observation z, double inflation = 1.0);
   UpdateReport offerHeading(const Heading& heading);
-  void zeroRate(double omega_radps, double interval_s);
+  void offerTilt(double roll_rad, double pitch_rad, double sigma_rad);
+  void offerGravity(const Eigen::Vector3d& force_mps2, const Eigen::Vector3d& own_mps2);
+  void offerZeroRate(const Eigen::Vector3d& omega_radps, double interval_s);
+  void offerWheelTurn(double wheels_rad, double gyro_rad, double forward_m, double dt_s);
+
+  // --- GNSS: z = antenna + slow error + white error ---------------------------------------------
+  struct GnssNoise {
+    double slow_sigma_m = 0.0;
+    double correlation_s = 60.0;
+    Eigen::Matrix3d white = Eigen::Matrix3d::Identity();
+  };
+  /// Two tests: against the slow error as it was (a jump), and against any slow error that is
+  /// usual (far off).
+  struct GnssTest {
+    UpdateReport against_any;
+    UpdateReport against_last;
+  };
+  void setGnssNoise(const GnssNoise& noise, bool forget_slow_error);
+  [[nodiscard]] GnssTest testGnss(
+      const Eigen::Vector3d& p_map_antenna, const Eigen::Vector3d& p_base_antenna) const;
+  [[nodiscard]] MapFilter::Expected expectedFix(const Eigen::Vector3d& p_base_antenna) const;
+  UpdateReport useGnss(
+      const Eigen::Vector3d& p_map_antenna,
+      const Eigen::Vector3d& p_base_antenna,
+      double inflation);
+  void forgetGnssError();
+  /// The position came from a fix: its error is that of the fix. \param height_m  if known by it
+  void positionFromGnss(std::optional<double> height_m);
   /// Moves the position, forgetting what was known of it.
   void resetPosition(const Eigen::Vector2d& p, const Eigen::Matrix2d& cov);
 
-  [[nodiscard]] State state() const { return engine_->state(); }
-  [[nodiscard]] StateMatrix covariance() const { return engine_->covariance(); }
+  [[nodiscard]] const State& state() const { return x_; }
+  [[nodiscard]] const StateMatrix& covariance() const { return P_; }
   [[nodiscard]] PoseWithCovariance pose() const;
-  /// Mean and variance of one state.
-  [[nodiscard]] Eigen::Vector2d marginal(int index) const;
+  [[nodiscard]] double sigmaOf(int index) const;
+  void attach(Tape* tape) { tape_ = tape; }
+  [[nodiscard]] bool usable() const { return x_.allFinite() && P_.allFinite(); }
 
  private:
   void learnHeadingOffset(double mean_rad, double sigma_rad);
   void update(const Observation& z);
+  void replace(int first, int count, double variance);
+  void keepWithinBounds();
 
-  FilterParams params_;
+  const Shared* shared_;
   Pose mode_;
-  Gate gate_;
-  std::unique_ptr<Engine> engine_;
+  State x_;
+  StateMatrix P_ = StateMatrix::Zero();
   bool heading_known_ = false;
+  bool tilt_known_ = false;
   std::optional<Timestamp> heading_rejected_since_;
+  GnssNoise gnss_;
+  Tape* tape_ = nullptr;
 };
 
 }  // namespace vestibule::ekf

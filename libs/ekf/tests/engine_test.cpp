@@ -5,89 +5,113 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
-#include "vestibule/core/angles.hpp"
-#include "vestibule/core/random.hpp"
+#include "random_models.hpp"
 
 namespace vestibule::ekf {
 namespace {
 
-/// The textbook equations, as the yardstick.
+/// The textbook equations with the Joseph form, as the yardstick.
 struct Textbook {
-  State x = State::Zero();
-  StateMatrix P = StateMatrix::Identity();
-  void predict(const Motion& u) {
-    const StateMatrix F = PlanarModel::jacobian(x, u);
-    P = F * P * F.transpose() + PlanarModel::processNoise(x, u);
-    x = PlanarModel::transition(x, u);
-  }
-  void update(const Observation& z) {
-    const Eigen::MatrixXd S = z.H * P * z.H.transpose() + z.R;
-    const Eigen::MatrixXd K = P * z.H.transpose() * S.inverse();
-    x += K * z.residual;
-    x[kYaw] = wrapToPi(x[kYaw]);
-    const StateMatrix A = StateMatrix::Identity() - K * z.H;
-    P = A * P * A.transpose() + K * z.R * K.transpose();
+  StateMatrix P;
+  void predict(const Transition& step) { P = step.F() * P * step.F().transpose() + step.Q(); }
+  Error update(const Observation& z) {
+    const Eigen::MatrixXd H = z.H.topRows(z.rows);
+    const Eigen::MatrixXd R = z.R.topLeftCorner(z.rows, z.rows);
+    const Eigen::MatrixXd S = H * P * H.transpose() + R;
+    const Eigen::MatrixXd K = P * H.transpose() * S.inverse();
+    const StateMatrix A = StateMatrix::Identity() - K * H;
+    P = A * P * A.transpose() + K * R * K.transpose();
+    return K * z.residual.head(z.rows);
   }
 };
 
-TEST(MrptEngine, AgreesWithTheTextbookForOneTwoAndThreeRows) {
-  RandomStream random(7, "engine");
-  const auto engine = makeMrptEngine();
-  Textbook textbook;
-  textbook.P.diagonal() << 4, 4, 0.1, 1e-4, 1e-3, 0.2, 0.05;
-  engine->set(textbook.x, textbook.P);
-  for (int n = 0; n < 300; ++n) {
-    Motion u;
-    u.dt_s = 0.1;
-    u.forward_m = 0.1;
-    u.turn_rad = 0.02;
-    u.turn_is_gyro = true;
-    u.forward_var = 1e-4;
-    u.left_var = 1e-4;
-    u.turn_var = 1e-5;
-    u.disturbance_decay = 0.99;
-    u.disturbance_var = 1e-4;
-    textbook.predict(u);
-    engine->predict(u);
-    Observation z;
-    if (n % 3 == 0) {
-      z = PlanarModel::heading(textbook.x, random.normal(0, 0.3), 0.1);
-    } else if (n % 3 == 1) {
-      Eigen::Matrix2d R;
-      R << 1.0, 0.3, 0.3, 0.5;
-      z = PlanarModel::gnss(textbook.x, {random.normal(), random.normal()}, {1.0, 0.2}, R);
-    } else {
-      PoseWithCovariance T{Pose2(random.normal(), random.normal(), random.normal(0, 0.2)), {}};
+Observation randomObservation(RandomStream& random, const Model& model, const State& x, int kind) {
+  Eigen::Matrix3d R;
+  R << 1.0, 0.3, 0.1, 0.3, 0.5, 0.0, 0.1, 0.0, 2.0;
+  switch (kind % 5) {
+    case 0:
+      return model.heading(x, random.normal(0, 0.3), 0.1);
+    case 1:
+      return model.gnssPosition(
+          x, x.p + Eigen::Vector3d(random.normal(), random.normal(), 0.0), {1.0, 0.2, 0.0}, R);
+    case 2: {
+      PoseWithCovariance T{x.pose2(), {}};
+      T.mean.x += random.normal();
       T.cov << 0.5, 0.1, 0.02, 0.1, 0.4, 0.01, 0.02, 0.01, 0.05;
-      z = PlanarModel::pose(textbook.x, T);
+      return model.pose(x, T);
     }
-    textbook.update(z);
-    engine->update(z);
-    ASSERT_LT((engine->state() - textbook.x).norm(), 1e-9) << "step " << n;
-    ASSERT_LT((engine->covariance() - textbook.P).norm(), 1e-9) << "step " << n;
+    case 3:
+      return model.zeroRate(x, {0.01, -0.01, 0.02}, 0.01);
+    default:
+      return model.wheelTurn(x, 0.1, 0.08, 0.2, 0.1, 0.01);
   }
 }
 
-TEST(MrptEngine, CovarianceStaysSymmetricAndPositive) {
-  const auto engine = makeMrptEngine();
-  StateMatrix P = StateMatrix::Identity() * 1e4;
-  engine->set(State::Zero(), P);
-  for (int n = 0; n < 2000; ++n) {
-    Motion u;
-    u.dt_s = 0.01;
-    u.forward_m = 0.01;
-    u.forward_var = 1e-10;
-    u.turn_var = 1e-12;
-    u.turn_is_gyro = true;
-    engine->predict(u);
-    engine->update(PlanarModel::gnss(
-        engine->state(), {0.01 * n, 0.0}, {0.5, 0.0}, Eigen::Matrix2d::Identity() * 1e-4));
-    engine->update(PlanarModel::heading(engine->state(), 0.0, 1e-3));
+struct Case {
+  bool mrpt;
+  bool planar;
+};
+class EngineOf : public testing::TestWithParam<Case> {};
+
+TEST_P(EngineOf, AgreesWithTheTextbook) {
+  RandomStream random(7, "engine");
+  const Model model(GetParam().planar);
+  const auto engine = GetParam().mrpt ? makeMrptEngine() : makeFixedEngine();
+  Textbook textbook{someCovariance(model)};
+  StateMatrix P = textbook.P;
+  State x = randomState(random, model.planar());
+  for (int n = 0; n < 300; ++n) {
+    const auto predicted = model.predict(x, randomMotion(random, model.planar(), n));
+    x = predicted.x;
+    textbook.predict(predicted.step);
+    engine->predict(P, predicted.step);
+    ASSERT_LT((P - textbook.P).norm(), 1e-9) << "prediction " << n;
+    const Observation z = randomObservation(random, model, x, n);
+    const double nis = engine->innovation(P, z).nis;
+    const Eigen::MatrixXd H = z.H.topRows(z.rows);
+    const Eigen::MatrixXd S = H * textbook.P * H.transpose() + z.R.topLeftCorner(z.rows, z.rows);
+    const Eigen::VectorXd r = z.residual.head(z.rows);
+    ASSERT_NEAR(nis, r.dot(S.inverse() * r), 1e-9 * (1.0 + nis)) << "step " << n;
+    const Error expected = textbook.update(z);
+    const Error correction = engine->update(P, z);
+    ASSERT_LT((correction - expected).norm(), 1e-9) << "update " << n;
+    ASSERT_LT((P - textbook.P).norm(), 1e-9) << "update " << n;
+    x = plus(x, correction);
   }
-  P = engine->covariance();
-  EXPECT_EQ((P - P.transpose()).norm(), 0.0);
-  EXPECT_GT(Eigen::SelfAdjointEigenSolver<StateMatrix>(P).eigenvalues().minCoeff(), -1e-12);
 }
+
+TEST_P(EngineOf, CovarianceStaysSymmetricAndPositiveUnderExtremes) {
+  // From knowing nothing to millimetres and back, thousands of times.
+  RandomStream random(8, "engine");
+  const Model model(GetParam().planar);
+  const auto engine = GetParam().mrpt ? makeMrptEngine() : makeFixedEngine();
+  StateMatrix P = 1e8 * StateMatrix::Identity();
+  model.constrain(P);
+  State x = randomState(random, model.planar());
+  for (int n = 0; n < 2000; ++n) {
+    Motion u = randomMotion(random, model.planar(), n);
+    if (n % 100 == 0) u.forward_var = 1e10;
+    const auto predicted = model.predict(x, u);
+    engine->predict(P, predicted.step);
+    Observation z = randomObservation(random, model, x, n);
+    z.R *= 1e-8;
+    (void)engine->update(P, z);
+    if (n % 10 != 0) continue;
+    ASSERT_EQ((P - P.transpose()).norm(), 0.0);
+    const Eigen::SelfAdjointEigenSolver<StateMatrix> eigen(P);
+    ASSERT_GE(eigen.eigenvalues().minCoeff(), -1e-12 * eigen.eigenvalues().maxCoeff());
+    ASSERT_GE(P.diagonal().minCoeff(), 0.0);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All,
+    EngineOf,
+    testing::Values(Case{false, true}, Case{false, false}, Case{true, true}, Case{true, false}),
+    [](const auto& each) {
+      return std::string(each.param.mrpt ? "mrpt" : "fixed") +
+             (each.param.planar ? "_plane" : "_space");
+    });
 
 }  // namespace
 }  // namespace vestibule::ekf

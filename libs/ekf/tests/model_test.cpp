@@ -5,112 +5,199 @@
 #include <Eigen/Eigenvalues>
 #include <functional>
 
+#include "random_models.hpp"
 #include "vestibule/core/angles.hpp"
-#include "vestibule/core/random.hpp"
 
 namespace vestibule::ekf {
 namespace {
 
-State randomState(RandomStream& random) {
-  State x;
-  x << random.normal(0, 50), random.normal(0, 50), random.uniform(-3.0, 3.0),
-      random.normal(0, 0.01), random.normal(0, 0.1), random.uniform(-2.0, 2.0),
-      random.normal(0, 0.2);
-  return x;
+constexpr double kStep = 1e-6;
+
+/// Columns that a model in the plane leaves alone.
+bool exists(const Model& model, int index) {
+  StateMatrix P = StateMatrix::Identity();
+  model.constrain(P);
+  return P(index, index) != 0.0;
 }
 
-Motion randomMotion(RandomStream& random, bool gyro) {
-  Motion u;
-  u.dt_s = 0.1;
-  u.forward_m = random.normal(0, 0.3);
-  u.left_m = random.normal(0, 0.1);
-  u.turn_rad = random.normal(0, 0.2);
-  u.turn_is_gyro = gyro;
-  u.forward_var = 1e-4;
-  u.left_var = 4e-5;
-  u.turn_var = 1e-5;
-  u.disturbance_decay = 0.97;
-  u.disturbance_var = 1e-3;
-  return u;
-}
-
-/// d(-residual)/dx by central differences: the residual is z - h(x).
-template <class Observe>
-Eigen::MatrixXd numericJacobian(const State& x, const Observe& observe) {
-  const double step = 1e-6;
-  Eigen::MatrixXd H(observe(x).residual.size(), kStateSize);
+/// d(-residual)/d(error) by central differences: the residual is z - h(x).
+Eigen::MatrixXd numericJacobian(
+    const Model& model, const State& x, const std::function<Observation(const State&)>& observe) {
+  const int rows = observe(x).rows;
+  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(rows, kStateSize);
   for (int i = 0; i < kStateSize; ++i) {
-    State forward = x;
-    State back = x;
-    forward[i] += step;
-    back[i] -= step;
-    H.col(i) = (observe(back).residual - observe(forward).residual) / (2.0 * step);
+    if (!exists(model, i)) continue;
+    const Error step = Error::Unit(i) * kStep;
+    H.col(i) = (observe(plus(x, -step)).residual - observe(plus(x, step)).residual).head(rows) /
+               (2.0 * kStep);
   }
   return H;
 }
 
-TEST(PlanarModel, TransitionJacobianIsTheNumericOne) {
-  RandomStream random(1, "model");
+TEST(State, PlusAndMinusAreInverse) {
+  RandomStream random(1, "state");
   for (int n = 0; n < 50; ++n) {
-    const State x = randomState(random);
-    const Motion u = randomMotion(random, n % 2 == 0);
-    const StateMatrix F = PlanarModel::jacobian(x, u);
+    const State a = randomState(random, false);
+    const State b = randomState(random, false);
+    const Error e = minus(b, a);
+    EXPECT_LT(minus(plus(a, e), b).norm(), 1e-9);
+  }
+}
+
+TEST(State, GivesYawPitchAndRollBack) {
+  State x;
+  x.q = attitudeOf(2.5, 0.2, -0.3);
+  EXPECT_NEAR(x.yaw(), 2.5, 1e-12);
+  EXPECT_NEAR(x.pose3().pitch, 0.2, 1e-12);
+  EXPECT_NEAR(x.pose3().roll, -0.3, 1e-12);
+}
+
+class ModelOf : public testing::TestWithParam<bool> {
+ protected:
+  Model model{GetParam()};
+};
+
+TEST_P(ModelOf, TransitionJacobianIsTheNumericOne) {
+  RandomStream random(2, "model");
+  for (int n = 0; n < 60; ++n) {
+    const State x = randomState(random, model.planar());
+    const Motion u = randomMotion(random, model.planar(), n);
+    const auto predicted = model.predict(x, u);
+    const StateMatrix F = predicted.step.F();
+    EXPECT_EQ(minus(predicted.x, model.transition(x, u)).norm(), 0.0);
     for (int i = 0; i < kStateSize; ++i) {
-      State forward = x;
-      State back = x;
-      forward[i] += 1e-6;
-      back[i] -= 1e-6;
-      State difference = PlanarModel::transition(forward, u) - PlanarModel::transition(back, u);
-      difference[kYaw] = wrapToPi(difference[kYaw]);
-      EXPECT_LT((difference / 2e-6 - F.col(i)).norm(), 1e-6) << "column " << i;
+      if (!exists(model, i)) continue;
+      const Error step = Error::Unit(i) * kStep;
+      const State forward = model.transition(plus(x, step), u);
+      const State back = model.transition(plus(x, -step), u);
+      const Error column = minus(forward, back) / (2.0 * kStep);
+      // In space the turn of a step enters to second order only.
+      EXPECT_LT((column - F.col(i)).norm(), model.planar() ? 1e-6 : 1e-4)
+          << "column " << i << " kind " << n % 4;
+      const bool listed = (predicted.step.columns >> static_cast<unsigned>(i) & 1U) != 0U ||
+                          predicted.step.coupling.col(i).norm() == 0.0;
+      EXPECT_TRUE(listed) << "column " << i;
     }
   }
 }
 
-TEST(PlanarModel, ObservationJacobiansAreTheNumericOnes) {
-  RandomStream random(2, "model");
-  for (int n = 0; n < 50; ++n) {
-    const State x = randomState(random);
-    const auto gnss = [](const State& s) {
-      return PlanarModel::gnss(s, {3.0, 4.0}, {1.0, -0.4}, Eigen::Matrix2d::Identity());
-    };
-    EXPECT_LT((numericJacobian(x, gnss) - gnss(x).H).norm(), 1e-6);
-    const double yaw = x[kYaw] + x[kHeadingOffset] + 0.3;
-    const auto heading = [yaw](const State& s) { return PlanarModel::heading(s, yaw, 0.1); };
-    EXPECT_LT((numericJacobian(x, heading) - heading(x).H).norm(), 1e-6);
-    PoseWithCovariance T{Pose2(1, 2, wrapToPi(x[kYaw] - 0.4)), Eigen::Matrix3d::Identity()};
-    const auto pose = [&T](const State& s) { return PlanarModel::pose(s, T); };
-    EXPECT_LT((numericJacobian(x, pose) - pose(x).H).norm(), 1e-6);
-    const auto still = [](const State& s) { return PlanarModel::zeroRate(s, 0.01, 0.1); };
-    EXPECT_LT((numericJacobian(x, still) - still(x).H).norm(), 1e-6);
+TEST_P(ModelOf, ObservationJacobiansAreTheNumericOnes) {
+  RandomStream random(3, "model");
+  const Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
+  for (int n = 0; n < 40; ++n) {
+    const State x = randomState(random, model.planar());
+    std::vector<std::function<Observation(const State&)>> all{
+        [&](const State& s) {
+          return model.gnssPosition(s, {3, 4, 5}, {1.0, -0.4, 0.3}, R);
+        },
+        [&](const State& s) {
+          return model.heading(s, x.yaw() + x.heading_offset + x.disturbance + 0.3, 0.1);
+        },
+        [&](const State& s) {
+          return model.zeroRate(s, {0.01, 0.02, 0.03}, 0.1);
+        },
+        [&](const State& s) { return model.nonHolonomic(s, 0.4, 0.1, 0.1); },
+        [&](const State& s) {
+          State without_bias = s;  // which it leaves alone on purpose
+          without_bias.gyro_bias.setZero();
+          return model.wheelTurn(without_bias, 0.1, 0.08, 0.2, 0.1, 0.01);
+        }};
+    if (model.planar()) {
+      all.emplace_back([&](const State& s) {
+        return model.pose(s, {Pose2(1, 2, wrapToPi(x.yaw() - 0.4)), Eigen::Matrix3d::Identity()});
+      });
+    } else {
+      all.emplace_back([&](const State& s) { return model.tilt(s, 0.1, -0.05, 0.02); });
+      all.emplace_back([&](const State& s) {
+        return model.gravity(s, {0.3, 0.1, 9.7}, {0.2, 0.1, 0}, 0.5);
+      });
+    }
+    for (std::size_t k = 0; k < all.size(); ++k) {
+      const Observation z = all[k](x);
+      EXPECT_LT((numericJacobian(model, x, all[k]) - z.H.topRows(z.rows)).norm(), 1e-6)
+          << "observation " << k;
+      for (int i = 0; i < kStateSize; ++i) {
+        if ((z.columns >> static_cast<unsigned>(i) & 1U) == 0U) {
+          EXPECT_EQ(z.H.col(i).norm(), 0.0) << "observation " << k << " column " << i;
+        }
+      }
+    }
   }
 }
 
-TEST(PlanarModel, ResidualsOfAnglesAreWrapped) {
-  State x = State::Zero();
-  x[kYaw] = 3.1;
-  EXPECT_NEAR(PlanarModel::heading(x, -3.1, 0.1).residual[0], 2 * kPi - 6.2, 1e-9);
-}
-
-TEST(PlanarModel, ProcessNoiseIsPositiveSemidefinite) {
-  RandomStream random(3, "model");
-  for (int n = 0; n < 50; ++n) {
+TEST_P(ModelOf, ProcessNoiseIsPositiveSemidefinite) {
+  RandomStream random(4, "model");
+  for (int n = 0; n < 40; ++n) {
     const StateMatrix Q =
-        PlanarModel::processNoise(randomState(random), randomMotion(random, true));
+        model.predict(randomState(random, model.planar()), randomMotion(random, model.planar(), n))
+            .step.Q();
     EXPECT_LT((Q - Q.transpose()).norm(), 1e-15);
     EXPECT_GE(Eigen::SelfAdjointEigenSolver<StateMatrix>(Q).eigenvalues().minCoeff(), -1e-15);
   }
 }
 
-TEST(PlanarModel, DrivesAnArcAlongItsChord) {
-  State x = State::Zero();
+INSTANTIATE_TEST_SUITE_P(
+    PlaneAndSpace, ModelOf, testing::Values(true, false), [](const auto& each) {
+      return each.param ? "plane" : "space";
+    });
+
+TEST(Model, StaysInThePlane) {
+  RandomStream random(5, "model");
+  const Model model(true);
+  State x = randomState(random, true);
+  for (int n = 0; n < 200; ++n) x = model.transition(x, randomMotion(random, true, n));
+  EXPECT_EQ(x.p.z(), 0.0);
+  EXPECT_EQ(x.q.x(), 0.0);
+  EXPECT_EQ(x.q.y(), 0.0);
+}
+
+TEST(Model, ResidualsOfAnglesAreWrapped) {
+  State x;
+  x.q = attitudeOf(3.1, 0, 0);
+  EXPECT_NEAR(Model(true).heading(x, -3.1, 0.1).residual[0], 2 * kPi - 6.2, 1e-9);
+}
+
+TEST(Model, DrivesAnArcAlongItsChord) {
   Motion u;
-  u.turn_rad = kPi / 2;
+  u.dt_s = 1.0;
+  u.turn_rad.z() = kPi / 2;
   u.forward_m = std::sqrt(2.0);  // chord of a quarter circle of radius 1
-  const State next = PlanarModel::transition(x, u);
-  EXPECT_NEAR(next[kX], 1.0, 1e-12);
-  EXPECT_NEAR(next[kY], 1.0, 1e-12);
-  EXPECT_NEAR(next[kYaw], kPi / 2, 1e-12);
+  const State next = Model(true).transition({}, u);
+  EXPECT_NEAR(next.p.x(), 1.0, 1e-12);
+  EXPECT_NEAR(next.p.y(), 1.0, 1e-12);
+  EXPECT_NEAR(next.yaw(), kPi / 2, 1e-12);
+}
+
+TEST(Model, SlidesSidewaysAboutItsCentreOfRotation) {
+  State x;
+  x.icr_x = 0.1;
+  Motion u;
+  u.dt_s = 1.0;
+  u.turn_rad.z() = 1e-3;
+  const State next = Model(true).transition(x, u);
+  EXPECT_NEAR(next.p.y(), -1e-4, 1e-9);
+}
+
+TEST(Model, FallsFreelyWhileItCoasts) {
+  State x;
+  x.v = {1.0, 0.0, 0.0};
+  Motion u;
+  u.rolling = false;
+  u.dt_s = 0.1;
+  const State next = Model(false).transition(x, u);
+  EXPECT_NEAR(next.v.z(), -0.981, 1e-12);
+  EXPECT_NEAR(next.p.x(), 0.1, 1e-12);
+}
+
+TEST(Model, CarriesAWheelOnASlopeUphill) {
+  State x;
+  x.q = attitudeOf(0.0, -0.1, 0.0);  // nose up
+  Motion u;
+  u.dt_s = 1.0;
+  u.forward_m = 1.0;
+  const State next = Model(false).transition(x, u);
+  EXPECT_NEAR(next.p.z(), std::sin(0.1), 1e-12);
+  EXPECT_NEAR(next.p.x(), std::cos(0.1), 1e-12);
 }
 
 }  // namespace

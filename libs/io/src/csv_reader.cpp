@@ -197,7 +197,7 @@ class CsvReader : public RecordingReader {
       pushRate(stamp, angleDiff(yaw_rad, *yaw_) / dt_s);
     }
     yaw_ = yaw_rad;
-    if (heading.emit) push("heading", stamp, Heading{stamp, yaw_rad, heading.sigma_rad});
+    if (heading.emit) push("heading", stamp, Heading{stamp, yaw_rad, heading.sigma_rad, {}});
   }
 
   void takeYawRate() {

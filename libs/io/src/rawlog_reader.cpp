@@ -243,7 +243,7 @@ class RawlogReader : public RecordingReader {
     }
     if (obs.has(IMU_YAW)) {
       const double mount_yaw = std::atan2(R_base_imu(1, 0), R_base_imu(0, 0));
-      push(obs, Heading{stamp, angleDiff(obs.get(IMU_YAW), mount_yaw), std::nullopt});
+      push(obs, Heading{stamp, angleDiff(obs.get(IMU_YAW), mount_yaw), std::nullopt, std::nullopt});
     }
   }
 

@@ -117,7 +117,9 @@ void RosMessages::take(std::size_t number, const std::string& topic, const senso
   }
   Heading heading;
   heading.stamp = stamp;
-  heading.yaw_rad = yawOf(q.normalized().toRotationMatrix() * R_base_imu.transpose());
+  const Eigen::Matrix3d R = q.normalized().toRotationMatrix() * R_base_imu.transpose();
+  heading.yaw_rad = yawOf(R);
+  heading.tilt = Tilt{std::atan2(R(2, 1), R(2, 2)), -std::asin(std::clamp(R(2, 0), -1.0, 1.0))};
   if (m.orientation_covariance[8] > 0.0) heading.sigma_rad = std::sqrt(m.orientation_covariance[8]);
   queue_.push_back({number, topic, heading});
 }

@@ -43,7 +43,7 @@ std::string writeSample(const std::filesystem::path& path, int rounds) {
     const Timestamp t{kStart_ns + i * 100000000LL};
     writer.write(WheelOdometry{t, 0.1, {0.1, 0.01, 0.02}}, "wheels");
     writer.write(Imu{t, {0.1, 0.2, 0.3}, {1.0, 2.0, 9.8}}, "imu");
-    writer.write(Heading{t, 0.5, std::nullopt}, "compass");
+    writer.write(Heading{t, 0.5, std::nullopt, std::nullopt}, "compass");
     GnssFix fix;
     fix.stamp = t;
     fix.type = GnssFixType::kRtkFixed;
@@ -123,7 +123,7 @@ TEST(Rawlog, StampsKeepHundredNanoseconds) {
   const auto path = testFolder() / "a.rawlog";
   {
     RawlogWriter writer(path.string());
-    writer.write(Heading{{kStart_ns + 149}, 0.5, std::nullopt}, "compass");
+    writer.write(Heading{{kStart_ns + 149}, 0.5, std::nullopt, std::nullopt}, "compass");
   }
   EXPECT_EQ(stampOf(readAll(path.string()).at(0).measurement).ns, kStart_ns + 100);
 }

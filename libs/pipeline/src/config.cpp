@@ -1,10 +1,28 @@
 #include "vestibule/pipeline/config.hpp"
 
+#include <cmath>
+#include <vector>
+
 namespace vestibule::pipeline {
+
+void describe(ParamIo& io, DatumParams& params) {
+  std::vector<double> position;
+  if (params.position) {
+    position = {params.position->lat_deg, params.position->lon_deg, params.position->height_m};
+  }
+  io.optional("position", position, 0, 3);
+  if (position.size() == 3 && std::abs(position[0]) <= 90.0 && std::abs(position[1]) <= 180.0) {
+    params.position = Geodetic{position[0], position[1], position[2]};
+  } else if (!position.empty()) {
+    io.problem("position", "must be [lat_deg, lon_deg, height_m] on Earth, or [] for the mean fix");
+  }
+  io.optional("average_s", params.average_s, nonNegative());
+}
 
 void describe(ParamIo& io, Config& config) {
   io.optional("seed", config.seed);
   io.section("rig", config.rig);
+  io.section("datum", config.datum);
   io.section("ekf", config.ekf);
   io.section("amcl", config.amcl);
   io.section("mode_manager", config.mode_manager);

@@ -4,20 +4,17 @@
 
 namespace vestibule::pipeline {
 
-Eigen::Vector2d antennaInMap(const GnssFix& fix, const std::optional<geo::TangentPlane>& plane) {
+Eigen::Vector3d antennaInMap(const GnssFix& fix, const std::optional<geo::TangentPlane>& plane) {
   if (const auto* geodetic = std::get_if<Geodetic>(&fix.position)) {
     assert(plane);
-    return plane->toEnu(*geodetic).head<2>();
+    return plane->toEnu(*geodetic);
   }
   const auto& local = std::get<LocalPosition>(fix.position);
-  return {local.east_m, local.north_m};
+  return {local.east_m, local.north_m, local.up_m};
 }
 
-ekf::UpdateReport offerFix(
-    ekf::PlanarFilter& filter, const GnssFix& fix, const Eigen::Vector2d& p_map_antenna) {
-  std::optional<Eigen::Matrix2d> cov;
-  if (fix.cov_enu) cov = fix.cov_enu->topLeftCorner<2, 2>();
-  return filter.processGnss(fix.stamp, p_map_antenna, cov, fix.type, fix.hdop, fix.satellites);
+ekf::MapFix inMap(const GnssFix& fix, const Eigen::Vector3d& p_map_antenna) {
+  return {fix.stamp, p_map_antenna, fix.cov_enu, fix.type, fix.hdop, fix.satellites};
 }
 
 bool wasUsed(const ekf::UpdateReport& report) {

@@ -65,7 +65,7 @@ class Replay : public Observer {
 
   void keepForPicture(const GnssFix& fix) {
     if (fix.type == GnssFixType::kNone) return;
-    const Eigen::Vector2d p_map = antennaInMap(fix, plane_);
+    const Eigen::Vector3d p_map = antennaInMap(fix, plane_);
     if (p_map.allFinite()) result.fixes.push_back({p_map.x(), p_map.y()});
   }
 

@@ -78,8 +78,8 @@ void SeamlessEstimator::process(const Measurement& measurement) {
 
 void SeamlessEstimator::onWheels(const WheelOdometry& wheels) {
   gnss_filter_.process(wheels);
-  time_ = gnss_filter_.odometry().time();
-  const Pose2 T_odom_base = gnss_filter_.odometry().pose().mean;
+  time_ = gnss_filter_.time();
+  const Pose2 T_odom_base = gnss_filter_.odometry().mean;
   if (particles_) {
     // The particles ride on the odometry filter, whose yaw is the gyro's: wheels of a skid-steer
     // robot do not know how far it turned.
@@ -107,8 +107,8 @@ void SeamlessEstimator::onWheels(const WheelOdometry& wheels) {
 
 void SeamlessEstimator::onFix(const GnssFix& fix) {
   const Eigen::Vector2d p_map_antenna = antennaInMap(fix, plane_);
-  if (!wasUsed(offerFix(gnss_filter_, fix, p_map_antenna))) return;
-  last_fix_ = fix.stamp;
+  if (!wasUsed(gnss_filter_.process(inMap(fix, p_map_antenna)))) return;
+  last_fix_ = last_fix_ ? std::max(*last_fix_, fix.stamp) : fix.stamp;
   if (!particles_ || !particles_->initialised() || !config_.amcl.gnss.enabled) return;
   // The antenna's place on the robot is turned by where the particles face.
   const Pose2 T_map_base = particles_->pose().mean;

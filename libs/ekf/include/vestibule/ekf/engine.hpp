@@ -6,8 +6,17 @@
 
 namespace vestibule::ekf {
 
-/// Runs the Kalman equations over PlanarModel. Gating is done before: what comes here is used.
-/// The covariance stays symmetric.
+/// How far a measurement is from what is expected.
+struct Innovation {
+  double nis = 0.0;  ///< residual' S^-1 residual; infinite where S is no covariance
+  Eigen::Matrix3d S = Eigen::Matrix3d::Identity();  ///< its first `rows` rows and columns
+};
+
+/// Runs the Kalman equations on a covariance. Knows nothing of the robot; keeps no state of its
+/// own, so that one engine serves any number of filters in one thread.
+///
+/// The covariance stays symmetric to the bit and positive semi-definite: each operation adds to
+/// every variance more than rounding can have taken from it (see kRoundingGuard).
 class Engine {
  public:
   Engine() = default;
@@ -15,15 +24,22 @@ class Engine {
   Engine& operator=(const Engine&) = delete;
   virtual ~Engine() = default;
 
-  virtual void set(const State& x, const StateMatrix& P) = 0;
-  virtual void predict(const Motion& u) = 0;
-  /// \pre linearised at state(); R positive definite
-  virtual void update(const Observation& z) = 0;
-  [[nodiscard]] virtual State state() const = 0;
-  [[nodiscard]] virtual StateMatrix covariance() const = 0;
+  /// P = F P F' + Q.
+  virtual void predict(StateMatrix& P, const Transition& step) const = 0;
+  /// \pre R positive definite
+  /// \return the correction of the state
+  [[nodiscard]] virtual Error update(StateMatrix& P, const Observation& z) const = 0;
+  [[nodiscard]] Innovation innovation(const StateMatrix& P, const Observation& z) const;
 };
 
+/// Fixed-size algebra that leaves out what is zero by structure.
+[[nodiscard]] std::unique_ptr<const Engine> makeFixedEngine();
 /// On mrpt::bayes::CKalmanFilterCapable.
-[[nodiscard]] std::unique_ptr<Engine> makeMrptEngine();
+[[nodiscard]] std::unique_ptr<const Engine> makeMrptEngine();
+
+/// Rounding of a sum of products p_ij changes it by at most c eps sqrt(p_ii p_jj). Scaled to unit
+/// variances that is a matrix of norm below n c eps, so adding that share of the variances before
+/// and after the operation keeps the result positive semi-definite.
+inline constexpr double kRoundingGuard = 1e-13;
 
 }  // namespace vestibule::ekf

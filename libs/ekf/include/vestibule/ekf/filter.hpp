@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -9,111 +10,119 @@
 #include "vestibule/core/events.hpp"
 #include "vestibule/core/frames.hpp"
 #include "vestibule/core/time.hpp"
-#include "vestibule/ekf/engine.hpp"
 #include "vestibule/ekf/params.hpp"
+#include "vestibule/ekf/state.hpp"
 #include "vestibule/sensors/measurements.hpp"
 #include "vestibule/sensors/rig.hpp"
 
 namespace vestibule::ekf {
 
+class Tape;
+
 /// What became of a measurement, and the numbers behind it. `nis` is 0 where it was not computed.
 struct UpdateReport {
   Decision decision = Decision::kAccepted;
-  std::string reason;  ///< "", "chi2", "stale", "not finite", "no fix", "sigma", "not ready",
-                       ///< "reset" (position moved to a new cluster), "initialised", "relearn"
+  /// "", "chi2" (far from the estimate), "jump" (far from where the fixes before it lay), "speed"
+  /// (no robot is so fast), "stale", "duplicate", "not finite", "impossible", "no fix", "sigma",
+  /// "not ready", "not used", "reset" (position moved to a new cluster), "initialised", "relearn"
+  std::string reason;
   double nis = 0.0;
   double gate = 0.0;
   int dof = 0;
+  double log_det = 0.0;  ///< of the innovation's covariance
 };
 
-/// Measurements that could not be used at all.
-struct Dropped {
-  std::size_t stale = 0;       ///< older than the filter
-  std::size_t not_finite = 0;  ///< NaN, infinity, negative interval or variance
+/// Measurements that could not be used at all, by reason ("stale", "not finite", ...).
+using Dropped = std::map<std::string, std::size_t>;
+
+/// One fix as the filter takes it: the raw antenna position, the lever arm is removed inside.
+struct MapFix {
+  Timestamp stamp;
+  Eigen::Vector3d p_map_antenna = Eigen::Vector3d::Zero();  ///< [m] antenna phase centre, ENU
+  /// As reported [m^2]; empty, zero or not positive = unknown.
+  std::optional<Eigen::Matrix3d> cov;
+  GnssFixType type = GnssFixType::kUnknown;
+  std::optional<double> hdop;
+  std::optional<int> satellites;
 };
 
-/// Dead reckoning on wheels, gyro and changes of the heading sensor: the model without any absolute
-/// measurement. Starts at the origin with the first message; its position never jumps, its yaw is
-/// turned by the heading sensor only as far as the gyro leaves room for it.
+/// The GNSS/IMU/wheel filter. It keeps two estimates of the same model:
 ///
-/// The yaw rate is taken about the vertical as the accelerometer shows it (specific force, +9.81 on
-/// the axis that points up), so an IMU mounted on its side or upside down works unannounced.
-/// Without a full accelerometer it is the rate about z.
-class OdometryFilter {
+/// - `odometry()`: wheels, gyro and changes of the heading sensor. Starts at the origin with the
+///   first message; its position never jumps, its yaw is turned by the heading sensor only as far
+///   as the gyro leaves room for it.
+/// - `pose()`: where the robot is in the map, with GNSS (and, indoors, poses from map
+/// localization).
+///   Not ready until position and yaw are known: by reset(), or by aligning the odometry track with
+///   the GNSS track.
+///
+/// Measurements may come late, in any order and twice: within `history_s` of the newest stamp they
+/// are put in their place and everything after them is done again. The result is the same to the
+/// last bit for every order of arrival.
+///
+/// In the plane the yaw rate is taken about the vertical as the accelerometer shows it (specific
+/// force, +9.81 on the axis that points up), so an IMU mounted on its side or upside down works
+/// unannounced. Without a full accelerometer it is the rate about z.
+class MapFilter {
  public:
-  explicit OdometryFilter(const FilterParams& params);
-  OdometryFilter(OdometryFilter&&) noexcept;
-  OdometryFilter& operator=(OdometryFilter&&) noexcept;
-  ~OdometryFilter();
+  /// \param observers  may be null; outlives the filter. Each measurement is reported once, when it
+  ///                   comes, also when later ones make it be used again.
+  MapFilter(const FilterParams& params, const SensorRig& rig, const Observers* observers = nullptr);
+  MapFilter(const MapFilter&) = delete;
+  MapFilter& operator=(const MapFilter&) = delete;
+  ~MapFilter();
 
-  void process(const WheelOdometry& wheels);
-  void process(const Imu& imu);
-  void process(const Heading& heading);
+  UpdateReport process(const WheelOdometry& wheels);
+  UpdateReport process(const Imu& imu);
+  UpdateReport process(const Heading& heading);
+  UpdateReport process(const MapFix& fix);
+  UpdateReport processExternalPose(Timestamp stamp, const PoseWithCovariance& T_map_base);
+  /// Starts (again) from a known pose. Keeps what was learnt of the sensors.
+  UpdateReport reset(Timestamp stamp, const PoseWithCovariance& T_map_base);
 
-  /// T_odom_base at time(), with the covariance grown since the start.
-  [[nodiscard]] PoseWithCovariance pose() const;
-  /// The same carried on to `stamp` with the present speed and turn rate; state is unchanged.
-  /// \pre stamp >= time(); beyond half a second the pose at half a second
-  [[nodiscard]] Pose2 poseAt(Timestamp stamp) const;
+  /// Stamp of the newest measurement; never goes back.
   [[nodiscard]] Timestamp time() const;
+  [[nodiscard]] bool started() const;
+
+  // --- odometry ----------------------------------------------------------------------------------
+  /// T_odom_base at time(), with the covariance grown since the start.
+  [[nodiscard]] PoseWithCovariance odometry() const;
+  [[nodiscard]] const State& odometryState() const;
   [[nodiscard]] double yawRate() const;  ///< [rad/s] bias removed
   [[nodiscard]] double speed() const;    ///< [m/s] forward positive
   [[nodiscard]] bool standstill() const;
-  [[nodiscard]] double gyroBias() const;  ///< [rad/s]
-  [[nodiscard]] const Dropped& dropped() const;
 
- private:
-  class Core;
-  friend class PlanarFilter;
-  std::unique_ptr<Core> core_;
-};
-
-/// Where the robot is in the map: the model with GNSS (and, indoors, poses from map localization).
-/// Not ready until position and yaw are known: by reset(), or by aligning the odometry track with
-/// the GNSS track. Owns an odometry filter that runs on the same input from the start.
-class PlanarFilter {
- public:
-  /// \param observers  may be null; outlives the filter
-  PlanarFilter(
-      const FilterParams& params, const SensorRig& rig, const Observers* observers = nullptr);
-  ~PlanarFilter();
-
-  void process(const WheelOdometry& wheels);
-  void process(const Imu& imu);
-  UpdateReport process(const Heading& heading);
-  /// Raw antenna position: the lever arm is removed here.
-  ///
-  /// \param p_map_antenna  antenna phase centre in map (ENU) [m]
-  /// \param cov            as reported [m^2]; empty, zero or not positive = unknown
-  UpdateReport processGnss(
-      Timestamp stamp,
-      const Eigen::Vector2d& p_map_antenna,
-      const std::optional<Eigen::Matrix2d>& cov,
-      GnssFixType type,
-      std::optional<double> hdop = std::nullopt,
-      std::optional<int> satellites = std::nullopt);
-  UpdateReport processExternalPose(Timestamp stamp, const PoseWithCovariance& T_map_base);
-
-  /// Starts (again) from a known pose. Keeps gyro bias and wheel scale.
-  void reset(Timestamp stamp, const PoseWithCovariance& T_map_base);
-
+  // --- map ---------------------------------------------------------------------------------------
   [[nodiscard]] bool ready() const;
   /// What is missing, for people; empty when ready.
   [[nodiscard]] std::string waitingFor() const;
   /// T_map_base at time(). \pre ready()
   [[nodiscard]] PoseWithCovariance pose() const;
-  [[nodiscard]] Pose2 poseAt(Timestamp stamp) const;  ///< as OdometryFilter::poseAt
-  [[nodiscard]] Timestamp time() const;
-  [[nodiscard]] double yawRate() const;
-  [[nodiscard]] double speed() const;
-  [[nodiscard]] bool standstill() const;
+  /// \pre ready()
+  [[nodiscard]] const State& state() const;
+  /// Of the error vector of state(). \pre ready()
+  [[nodiscard]] const StateMatrix& covariance() const;
+  /// pose() carried on to `stamp` with the present speed and turn rate; the state is unchanged.
+  /// \pre ready(), stamp >= time(); beyond half a second the pose at half a second
+  [[nodiscard]] Pose2 poseAt(Timestamp stamp) const;
+  /// Where the filter would expect a fix, with everything it takes such a fix to err by. The fix's
+  /// own position is not looked at; the state is unchanged. \pre ready(), stamp >= time()
+  struct Expected {
+    Eigen::Vector2d p_map_antenna = Eigen::Vector2d::Zero();
+    Eigen::Matrix2d cov = Eigen::Matrix2d::Identity();
+  };
+  [[nodiscard]] Expected expected(const MapFix& fix) const;
   /// T_map_odom when the filter became ready (odom: the frame of odometry()): places the odometry
   /// poses from before. Empty until ready.
   [[nodiscard]] std::optional<PoseWithCovariance> initialAlignment() const;
-  /// Log of true distance per wheel distance, with sigma.
-  [[nodiscard]] std::pair<double, double> wheelScale() const;
-  [[nodiscard]] const OdometryFilter& odometry() const;
+
   [[nodiscard]] const Dropped& dropped() const;
+  /// Measurements that came late and made others be done again.
+  [[nodiscard]] std::size_t replays() const;
+
+  /// Tells the tape of everything done to the map's estimate from now on, until null is given.
+  /// Late measurements are refused meanwhile: a tape cannot be rewound.
+  void record(Tape* tape);
 
  private:
   struct Impl;

@@ -1,9 +1,26 @@
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "vestibule/core/angles.hpp"
 #include "vestibule/core/params.hpp"
 
 namespace vestibule::ekf {
+
+/// Which quantities of each sensor the filter takes. The names are those of the YAML.
+struct UseParams {
+  std::vector<std::string> wheels{"speed", "yaw_rate"};
+  std::vector<std::string> imu{"yaw_rate", "acceleration"};
+  std::vector<std::string> heading{"yaw", "tilt"};
+
+  [[nodiscard]] bool wheelSpeed() const;
+  [[nodiscard]] bool wheelYawRate() const;
+  [[nodiscard]] bool imuYawRate() const;
+  [[nodiscard]] bool imuAcceleration() const;
+  [[nodiscard]] bool headingYaw() const;
+  [[nodiscard]] bool headingTilt() const;
+};
 
 /// How the wheels err. The yaw of the wheels is used only while there is no gyro.
 struct WheelParams {
@@ -13,6 +30,10 @@ struct WheelParams {
   double yaw_sigma_sqrt_m = 0.01;       ///< [rad/sqrt(m)] of the wheels' yaw on a straight
   double scale_sigma = 0.08;            ///< [-] of the true distance per wheel distance, at start
   double scale_walk_sqrt_m = 2e-4;      ///< [1/sqrt(m)] its drift
+  double track_sigma = 0.3;             ///< [-] log of the turn they claim per true turn, at start
+  double skew_sigma_rad_per_m = 0.01;   ///< [rad/m] turn when they claim to go straight, at start
+  double icr_sigma_m = 0.0;             ///< [m] centre of rotation ahead of the base; 0 = there
+  double learn_above_radps = 0.15;      ///< track and centre of rotation need turns
   double max_gap_s = 0.5;  ///< [s] a longer silence than this (or 2.5 periods) = dropout
   double dropout_speed_sigma_mps = 0.7;  ///< [m/s] what the robot may do meanwhile
 };
@@ -23,6 +44,14 @@ struct GyroParams {
   double bias_sigma_radps = 0.01;   ///< [rad/s] at start
   double bias_walk_radps_sqrt_s = 2e-5;
   double max_gap_s = 0.5;  ///< [s] a longer silence (or 2.5 periods) = no gyro: wheels turn
+};
+
+/// Counts in space only (`plane: false`).
+struct AccelParams {
+  double noise_mps2_sqrt_hz = 0.05;  ///< [m/s^2/sqrt(Hz)] while it carries the robot
+  double tilt_sigma_mps2 = 0.6;      ///< [m/s^2] as a level, with the robot's own motion
+  double bias_sigma_mps2 = 0.1;      ///< [m/s^2] at start
+  double bias_walk_mps2_sqrt_s = 2e-4;
 };
 
 /// Absolute heading (compass, IMU orientation). The filter estimates the sensor's offset, so only
@@ -37,6 +66,7 @@ struct HeadingParams {
   double disturbance_sigma_rad = degToRad(18.0);  ///< [rad] passing deviation (steel, tilt)
   double disturbance_time_s = 25.0;               ///< [s] how long such a deviation lasts
   double relearn_after_s = 1.5;                   ///< [s] rejected so long: offset learnt anew
+  double tilt_sigma_rad = degToRad(1.5);  ///< [rad] of roll and pitch, where the sensor has them
 };
 
 /// Floors of the standard deviation per axis by fix type, and how fixes are believed.
@@ -45,11 +75,18 @@ struct GnssParams {
   double sigma_rtk_float_m = 0.4;
   double sigma_differential_m = 1.0;
   double sigma_single_m = 4.0;  ///< also for receivers that do not say what they have
-  double uere_m = 2.5;          ///< [m] sigma = hdop * uere
-  double correlation_s = 60.0;  ///< [s] errors within it are one and the same; code fixes
-  double rtk_correlation_s = 2.0;
-  double gap_s = 3.0;         ///< [s] after a longer silence fixes are doubted (x3) for 5 s
-  double max_sigma_m = 50.0;  ///< [m] a fix that says it is worse is rejected
+  double uere_m = 3.5;          ///< [m] range error: sigma of both axes together = hdop * uere
+  /// [-] of sigma: the part that is estimated as a slow error; the rest is white. 0: nothing is
+  /// estimated, and all fixes within the correlation time count as one.
+  double slow_share = 0.0;
+  double correlation_s = 60.0;  ///< [s] how long the slow error lasts; code fixes
+  double repeat_s = 10.0;  ///< [s] beside an estimated slow error: how long the rest repeats itself
+  double rtk_slow_share = 0.0;     ///< the same two of RTK fixes
+  double rtk_correlation_s = 2.0;  ///< [s]
+  double gap_s = 3.0;              ///< [s] after a longer silence fixes are doubted (x3) for 5 s
+  double max_sigma_m = 50.0;       ///< [m] a fix that says it is worse is rejected
+  double max_speed_mps = 20.0;     ///< [m/s] no robot is faster
+  double relearn_after_s = 3.0;    ///< [s] rejected so long: the slow error is learnt anew
 };
 
 /// Re-acquisition after rejections: a cluster of fixes that moves as the odometry does.
@@ -72,22 +109,31 @@ struct InitParams {
   bool trust_heading = false;
 };
 
+enum class EngineKind { kFixed, kMrpt };
+
 struct FilterParams {
+  EngineKind engine = EngineKind::kFixed;
+  bool plane = true;                      ///< false: height, roll and pitch as well
+  double history_s = 2.0;                 ///< [s] data this late still count in full
   double gate_probability = 0.999;        ///< a good measurement passes with this probability
   double down_weight_probability = 0.95;  ///< beyond it the variance grows with the error
   double standstill_s = 0.5;              ///< [s] wheels at rest for so long = standing
   double standstill_speed_mps = 0.01;
   double standstill_rate_radps = 0.05;  ///< gyro (less bias) below it
+  UseParams use;
   WheelParams wheels;
   GyroParams gyro;
+  AccelParams accel;
   HeadingParams heading;
   GnssParams gnss;
   RecoveryParams recovery;
   InitParams init;
 };
 
+void describe(ParamIo& io, UseParams& p);
 void describe(ParamIo& io, WheelParams& p);
 void describe(ParamIo& io, GyroParams& p);
+void describe(ParamIo& io, AccelParams& p);
 void describe(ParamIo& io, HeadingParams& p);
 void describe(ParamIo& io, GnssParams& p);
 void describe(ParamIo& io, RecoveryParams& p);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "vestibule/amcl/params.hpp"
@@ -14,10 +15,18 @@
 
 namespace vestibule::pipeline {
 
+/// Origin of the map frame for recordings with geodetic fixes.
+struct DatumParams {
+  std::optional<Geodetic> position;  ///< empty: the mean of the first fixes
+  double average_s = 10.0;           ///< [s] after the first fix
+};
+void describe(ParamIo& io, DatumParams& params);
+
 /// What --config sets; config/default.yaml lists every key with its default.
 struct Config {
   std::uint64_t seed = 1;
   SensorRig rig;
+  DatumParams datum;
   ekf::FilterParams ekf;
   amcl::AmclParams amcl;
   mode_manager::ModeManagerParams mode_manager;

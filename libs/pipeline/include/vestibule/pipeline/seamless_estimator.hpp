@@ -46,8 +46,8 @@ class SeamlessEstimator {
   /// Stamp of the last odometry message.
   [[nodiscard]] Timestamp time() const { return time_; }
   [[nodiscard]] const Pose2& T_odom_base() const { return T_odom_base_; }
-  [[nodiscard]] double speed() const { return gnss_filter_.odometry().speed(); }
-  [[nodiscard]] double yawRate() const { return gnss_filter_.odometry().yawRate(); }
+  [[nodiscard]] double speed() const { return gnss_filter_.speed(); }
+  [[nodiscard]] double yawRate() const { return gnss_filter_.yawRate(); }
   [[nodiscard]] mode_manager::ModeManager& modeManager() { return manager_; }
   [[nodiscard]] const mode_manager::ModeManager& modeManager() const { return manager_; }
 
@@ -62,7 +62,7 @@ class SeamlessEstimator {
   const Observers& observers_;
   std::vector<std::shared_ptr<const grid::OccupancyMap>> maps_;
 
-  ekf::PlanarFilter gnss_filter_;  // with the odometry filter inside
+  ekf::MapFilter gnss_filter_;  // with the odometry filter inside
   /// One per map, made when the robot first comes near it. It stays while the robot is elsewhere:
   /// what it has learnt of its map (where walls stand in their cells) is there on the next visit.
   std::vector<std::unique_ptr<amcl::ParticleLocalizer>> localizers_;

@@ -28,11 +28,18 @@ struct Imu {
   Eigen::Vector3d accel_mps2 = Eigen::Vector3d::Zero();   ///< specific force in base axes
 };
 
+/// Roll and pitch of the base; pitch is positive with the nose down (REP-103).
+struct Tilt {
+  double roll_rad = 0.0;
+  double pitch_rad = 0.0;
+};
+
 /// Absolute heading: IMU orientation, compass, dual antenna.
 struct Heading {
   Timestamp stamp;
   double yaw_rad = 0.0;             ///< ENU: counter-clockwise from east
   std::optional<double> sigma_rad;  ///< as reported; empty = unknown
+  std::optional<Tilt> tilt;         ///< of sensors that give a whole attitude
 };
 
 enum class GnssFixType { kNone, kUnknown, kSingle, kDifferential, kRtkFloat, kRtkFixed };

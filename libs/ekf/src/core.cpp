@@ -1,0 +1,273 @@
+#include "core.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "vestibule/core/angles.hpp"
+
+namespace vestibule::ekf {
+namespace {
+
+/// A heading reading is of use for starting up for this long.
+constexpr double kHeadingAge_s = 1.0;
+
+UpdateReport rejected(const std::string& reason) {
+  UpdateReport report;
+  report.decision = Decision::kRejected;
+  report.reason = reason;
+  return report;
+}
+
+}  // namespace
+
+Core::Core(const Shared& shared, const SensorRig& rig)
+    : shared_(&shared),
+      rig_(&rig),
+      reckoning_(shared.params),
+      odometry_(shared, Tracker::Pose::kContinuous),
+      map_(shared, Tracker::Pose::kCorrected),
+      alignment_(shared.params),
+      realignment_(shared.params),
+      screen_(shared.params, rig.p_base_antenna) {}
+
+UpdateReport Core::apply(const Input& input) {
+  return std::visit([this](const auto& m) { return take(m); }, input);
+}
+
+void Core::step(const Motion& u) {
+  const Eigen::Vector3d before = odometry_.state().p;
+  odometry_.step(u);
+  if (!u.rolling) {
+    const State& x = odometry_.state();
+    reckoning_.coasted((x.q.conjugate() * Eigen::Vector3d(x.p - before)).x());
+  }
+  if (ready_) map_.step(u);
+}
+
+UpdateReport Core::take(const Imu& imu) {
+  step(reckoning_.process(imu, odometry_.state().gyro_bias));
+  if (reckoning_.standstill() && last_imu_ && params().use.imuYawRate()) {
+    const double interval_s = toSeconds(imu.stamp - *last_imu_);
+    odometry_.offerZeroRate(reckoning_.rate(), interval_s);
+    if (ready_) map_.offerZeroRate(reckoning_.rate(), interval_s);
+  }
+  if (!params().plane && params().use.imuAcceleration() && reckoning_.hasForce()) {
+    const Eigen::Vector3d own = reckoning_.ownAcceleration(odometry_.state().gyro_bias);
+    odometry_.offerGravity(imu.accel_mps2, own);
+    if (ready_) map_.offerGravity(imu.accel_mps2, own);
+  }
+  last_imu_ = imu.stamp;
+  return {};
+}
+
+UpdateReport Core::take(const WheelOdometry& wheels) {
+  step(reckoning_.process(wheels));
+  const auto& turn = reckoning_.wheelTurn();
+  if (turn && std::abs(turn->gyro_rad) > params().wheels.learn_above_radps * turn->dt_s) {
+    const auto offer = [&turn](Tracker& tracker) {
+      tracker.offerWheelTurn(turn->wheels_rad, turn->gyro_rad, turn->forward_m, turn->dt_s);
+    };
+    offer(odometry_);
+    if (ready_) offer(map_);
+  }
+  return {};
+}
+
+UpdateReport Core::take(const Heading& heading) {
+  step(reckoning_.advance(heading.stamp));
+  const UseParams& use = params().use;
+  if (heading.tilt && use.headingTilt()) {
+    const double sigma = params().heading.tilt_sigma_rad;
+    odometry_.offerTilt(heading.tilt->roll_rad, heading.tilt->pitch_rad, sigma);
+    if (ready_) map_.offerTilt(heading.tilt->roll_rad, heading.tilt->pitch_rad, sigma);
+  }
+  if (!use.headingYaw()) return rejected("not used");
+  (void)odometry_.offerHeading(heading);
+  heading_ = heading;
+  return ready_ ? map_.offerHeading(heading) : rejected("not ready");
+}
+
+UpdateReport Core::take(const MapFix& fix) {
+  step(reckoning_.advance(fix.stamp));
+  const GnssScreen::Worth worth = screen_.assess(fix);
+  if (!worth.refused.empty()) return rejected(worth.refused);
+  setGnssNoise(worth);
+  return ready_ ? fuse(fix, worth) : initialise(fix, worth);
+}
+
+UpdateReport Core::take(const PoseInput& pose) {
+  step(reckoning_.advance(pose.stamp));
+  if (ready_) return map_.offer(shared_->model.pose(map_.state(), pose.T_map_base));
+  begin(pose.T_map_base);
+  UpdateReport report;
+  report.reason = "initialised";
+  return report;
+}
+
+UpdateReport Core::take(const ResetInput& reset) {
+  step(reckoning_.advance(reset.stamp));
+  begin(reset.T_map_base);
+  UpdateReport report;
+  report.reason = "reset";
+  return report;
+}
+
+void Core::begin(const PoseWithCovariance& T_map_base) {
+  map_.start(T_map_base, ready_ ? &map_ : &odometry_);
+  if (!ready_) {
+    initial_alignment_ = compose(T_map_base, inverse(odometry_.pose().mean));
+  }
+  ready_ = true;
+  screen_.forget();
+  jumped_since_.reset();
+  if (heading_ && toSeconds(reckoning_.time() - heading_->stamp) < kHeadingAge_s) {
+    (void)map_.offerHeading(*heading_);
+  }
+}
+
+void Core::begin(const TrackAlignment::Result& found, const MapFix& fix) {
+  PoseWithCovariance T;
+  T.mean = compose(found.T_map_odom, odometry_.pose().mean);
+  const double position_var = found.position_sigma_m * found.position_sigma_m;
+  T.cov.diagonal() << position_var, position_var, found.yaw_sigma_rad * found.yaw_sigma_rad;
+  begin(T);
+  map_.positionFromGnss(fix.p_map_antenna.z());
+}
+
+UpdateReport Core::initialise(const MapFix& fix, const GnssScreen::Worth& worth) {
+  UpdateReport report = rejected("not ready");
+  const Pose2 T_odom_base = odometry_.pose().mean;
+  if (params().init.trust_heading && heading_ &&
+      std::abs(toSeconds(fix.stamp - heading_->stamp)) < kHeadingAge_s) {
+    const HeadingParams& p = params().heading;
+    const double sigma = std::max(heading_->sigma_rad.value_or(0.0), p.sigma_rad);
+    const Point2 lever = transform(Pose2(0, 0, heading_->yaw_rad), rig_->p_base_antenna);
+    PoseWithCovariance T;
+    T.mean =
+        Pose2(fix.p_map_antenna.x() - lever.x, fix.p_map_antenna.y() - lever.y, heading_->yaw_rad);
+    T.cov.topLeftCorner<2, 2>() = worth.R.topLeftCorner<2, 2>();
+    T.cov(2, 2) = sigma * sigma + p.offset_sigma_rad * p.offset_sigma_rad;
+    begin(T);
+    map_.positionFromGnss(fix.p_map_antenna.z());
+  } else {
+    alignment_.add(
+        fix.stamp,
+        fix.p_map_antenna.head<2>(),
+        transform(T_odom_base, rig_->p_base_antenna),
+        worth.sigma_m);
+    const auto found = alignment_.solve();
+    if (!found) return report;
+    begin(*found, fix);
+  }
+  screen_.accepted(fix);
+  report.decision = Decision::kAccepted;
+  report.reason = "initialised";
+  return report;
+}
+
+void Core::setGnssNoise(const GnssScreen::Worth& worth) {
+  const GnssParams& gnss = params().gnss;
+  const double share = worth.carrier_phase ? gnss.rtk_slow_share : gnss.slow_share;
+  Tracker::GnssNoise noise;
+  noise.slow_sigma_m = share * worth.sigma_m;
+  noise.correlation_s = worth.carrier_phase ? gnss.rtk_correlation_s : gnss.correlation_s;
+  noise.white = (1.0 - share * share) * worth.R;
+  const bool other_kind = carrier_phase_ && *carrier_phase_ != worth.carrier_phase;
+  map_.setGnssNoise(noise, other_kind || !carrier_phase_);
+  carrier_phase_ = worth.carrier_phase;
+}
+
+UpdateReport Core::fuse(const MapFix& fix, const GnssScreen::Worth& worth) {
+  const Eigen::Vector3d lever(rig_->p_base_antenna.x, rig_->p_base_antenna.y, 0.0);
+  Tracker::GnssTest test = map_.testGnss(fix.p_map_antenna, lever);
+  if (screen_.tooFast(fix, worth.sigma_m)) {
+    test.against_any.decision = Decision::kGated;
+    test.against_any.reason = "speed";
+  }
+  if (test.against_any.decision == Decision::kGated) {
+    if (!recover(fix, worth)) return test.against_any;
+    trustGnss(fix);
+    test.against_any.decision = Decision::kAccepted;
+    test.against_any.reason = "reset";
+    return test.against_any;
+  }
+  std::string reason;
+  if (test.against_last.decision == Decision::kGated) {
+    if (!jumped_since_) jumped_since_ = fix.stamp;
+    if (toSeconds(fix.stamp - *jumped_since_) < params().gnss.relearn_after_s) {
+      test.against_last.reason = "jump";
+      return test.against_last;
+    }
+    // The fixes stay where they jumped to, which is a usual place: another slow error.
+    map_.forgetGnssError();
+    reason = "relearn";
+  }
+  UpdateReport report = map_.useGnss(fix.p_map_antenna, lever, worth.repeats);
+  if (!reason.empty()) report.reason = reason;
+  if (report.decision != Decision::kGated) trustGnss(fix);
+  return report;
+}
+
+MapFilter::Expected Core::expected(const MapFix& fix) {
+  step(reckoning_.advance(fix.stamp));
+  const double sigma_m = screen_.assess(fix).sigma_m;
+  GnssScreen::Worth worth;
+  worth.sigma_m = sigma_m;
+  worth.R = sigma_m * sigma_m * Eigen::Matrix3d::Identity();
+  worth.carrier_phase = carrier_phase_.value_or(false);
+  setGnssNoise(worth);
+  const Eigen::Vector3d lever(rig_->p_base_antenna.x, rig_->p_base_antenna.y, 0.0);
+  return map_.expectedFix(lever);
+}
+
+void Core::trustGnss(const MapFix& fix) {
+  screen_.accepted(fix);
+  realignment_ = TrackAlignment(params());
+  refused_since_.reset();
+  jumped_since_.reset();
+}
+
+bool Core::recover(const MapFix& fix, const GnssScreen::Worth& worth) {
+  const Pose2 T_odom_base = odometry_.pose().mean;
+  const auto cluster = screen_.refused(fix, worth.sigma_m, T_odom_base, map_.state().yaw());
+  if (cluster) {
+    map_.resetPosition(cluster->p_map_base, cluster->cov);
+    map_.forgetGnssError();
+    map_.positionFromGnss(std::nullopt);
+    return true;
+  }
+  if (!refused_since_) refused_since_ = fix.stamp;
+  realignment_.add(
+      fix.stamp,
+      fix.p_map_antenna.head<2>(),
+      transform(T_odom_base, rig_->p_base_antenna),
+      worth.sigma_m);
+  if (toSeconds(fix.stamp - *refused_since_) < params().recovery.realign_after_s ||
+      realignment_.extent() < params().recovery.min_travel_m) {
+    return false;
+  }
+  const auto found = realignment_.solve();
+  if (!found) return false;
+  begin(*found, fix);
+  return true;
+}
+
+std::string Core::waitingFor() const {
+  if (ready_) return {};
+  if (!started()) return "first wheel or IMU message";
+  if (alignment_.size() == 0) return "GNSS fix";
+  const double missing_m = std::max(0.0, params().init.min_travel_m - alignment_.extent());
+  return "heading: yaw not observable yet, drive " +
+         (missing_m > 0.0 ? std::to_string(static_cast<int>(std::ceil(missing_m))) + " m"
+                          : std::string("on")) +
+         " with GNSS (" + std::to_string(alignment_.size()) + " fixes over " +
+         std::to_string(static_cast<int>(alignment_.extent())) + " m so far)";
+}
+
+Pose2 carriedOn(const Model& model, const Core& core, Timestamp stamp) {
+  const Timestamp limit = core.time() + std::chrono::milliseconds(500);
+  const Timestamp until = std::clamp(stamp, core.time(), limit);
+  return model.transition(core.map().state(), core.reckoning().ahead(until)).pose2();
+}
+
+}  // namespace vestibule::ekf

@@ -1,0 +1,78 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "alignment.hpp"
+#include "dead_reckoning.hpp"
+#include "gnss_screen.hpp"
+#include "inputs.hpp"
+#include "tracker.hpp"
+
+namespace vestibule::ekf {
+
+/// The filter without history: takes inputs in the order of their stamps. A value: copies go on
+/// independently, which is how the history goes back in time.
+class Core {
+ public:
+  /// \param shared, rig outlive it and its copies
+  Core(const Shared& shared, const SensorRig& rig);
+
+  /// \pre usable and not older than time()
+  UpdateReport apply(const Input& input);
+
+  [[nodiscard]] Timestamp time() const { return reckoning_.time(); }
+  [[nodiscard]] bool started() const { return reckoning_.started(); }
+  [[nodiscard]] const DeadReckoning& reckoning() const { return reckoning_; }
+  [[nodiscard]] const Tracker& odometry() const { return odometry_; }
+  [[nodiscard]] const Tracker& map() const { return map_; }
+  [[nodiscard]] bool ready() const { return ready_; }
+  [[nodiscard]] std::string waitingFor() const;
+  [[nodiscard]] const std::optional<PoseWithCovariance>& initialAlignment() const {
+    return initial_alignment_;
+  }
+  void record(Tape* tape) { map_.attach(tape); }
+  /// Goes on to the fix's stamp. See MapFilter::expected.
+  [[nodiscard]] MapFilter::Expected expected(const MapFix& fix);
+
+ private:
+  UpdateReport take(const Imu& imu);
+  UpdateReport take(const Heading& heading);
+  UpdateReport take(const WheelOdometry& wheels);
+  UpdateReport take(const MapFix& fix);
+  UpdateReport take(const PoseInput& pose);
+  UpdateReport take(const ResetInput& reset);
+
+  void step(const Motion& u);
+  void begin(const PoseWithCovariance& T_map_base);
+  /// Starts from the odometry track aligned to the fixes.
+  void begin(const TrackAlignment::Result& found, const MapFix& fix);
+  UpdateReport initialise(const MapFix& fix, const GnssScreen::Worth& worth);
+  UpdateReport fuse(const MapFix& fix, const GnssScreen::Worth& worth);
+  /// Tries to find the pose again from fixes that were all refused.
+  bool recover(const MapFix& fix, const GnssScreen::Worth& worth);
+  void setGnssNoise(const GnssScreen::Worth& worth);
+  void trustGnss(const MapFix& fix);
+  [[nodiscard]] const FilterParams& params() const { return shared_->params; }
+
+  const Shared* shared_;
+  const SensorRig* rig_;
+  DeadReckoning reckoning_;
+  Tracker odometry_;
+  Tracker map_;
+  TrackAlignment alignment_;    ///< from the start until ready
+  TrackAlignment realignment_;  ///< of fixes refused in a row
+  GnssScreen screen_;
+  std::optional<Timestamp> last_imu_;
+  std::optional<Timestamp> refused_since_;
+  std::optional<Timestamp> jumped_since_;
+  std::optional<bool> carrier_phase_;  ///< of the last fix
+  std::optional<Heading> heading_;
+  bool ready_ = false;
+  std::optional<PoseWithCovariance> initial_alignment_;
+};
+
+/// The pose carried on to `stamp` with held speed and rate.
+[[nodiscard]] Pose2 carriedOn(const Model& model, const Core& core, Timestamp stamp);
+
+}  // namespace vestibule::ekf

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "vestibule/ekf/filter.hpp"
+
+namespace vestibule::ekf {
+
+struct PoseInput {
+  Timestamp stamp;
+  PoseWithCovariance T_map_base;
+};
+struct ResetInput {
+  Timestamp stamp;
+  PoseWithCovariance T_map_base;
+};
+/// What a filter is fed. At equal stamps the order of the alternatives counts: inertial data carry
+/// the filter to the stamp.
+using Input = std::variant<Imu, Heading, WheelOdometry, MapFix, PoseInput, ResetInput>;
+
+[[nodiscard]] Timestamp stampOf(const Input& input);
+/// Why an input cannot be used at all, whatever the filter believes; empty when it can.
+[[nodiscard]] std::string unusable(const Input& input);
+/// A total order that does not depend on arrival: stamp, kind, content.
+/// \return negative, zero (the same measurement) or positive
+[[nodiscard]] int compare(const Input& a, const Input& b);
+
+}  // namespace vestibule::ekf

@@ -1,0 +1,350 @@
+#include "tracker.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "vestibule/core/angles.hpp"
+#include "vestibule/metrics/statistics.hpp"
+
+namespace vestibule::ekf {
+namespace {
+
+/// [rad] prior of a heading offset about which nothing is known.
+constexpr double kUnknownAngle = 1.0;
+/// [rad] prior of roll and pitch.
+constexpr double kUnknownTilt = 0.3;
+/// Samples of a resting gyro are not independent (vibration, quantisation).
+constexpr double kZeroRateInflation = 4.0;
+/// The same of an accelerometer used as a level many times a second.
+constexpr double kLevelInflation = 10.0;
+/// Sideways speed of a robot that coasts [m/s].
+constexpr double kCoastSide_mps = 0.1;
+
+/// Beyond these nothing is known any more, and nothing more can be unknown [sigma].
+Error mostUncertain() {
+  Error sigma;
+  sigma.segment<3>(kPos).setConstant(1e5);
+  sigma.segment<3>(kVel).setConstant(1e2);
+  sigma.segment<3>(kAtt).setConstant(4.0);
+  sigma.segment<3>(kGyroBias).setConstant(1.0);
+  sigma.segment<3>(kAccelBias).setConstant(10.0);
+  sigma[kWheelScale] = 1.0;
+  sigma[kWheelSkew] = 1.0;
+  sigma[kTrack] = 1.0;
+  sigma[kIcrX] = 1.0;
+  sigma.segment<3>(kGnssBias).setConstant(1e3);
+  sigma[kHeadingOffset] = 4.0;
+  sigma[kDisturbance] = 4.0;
+  return sigma;
+}
+
+double squared(double v) { return v * v; }
+
+}  // namespace
+
+Gate::Gate(const FilterParams& params) {
+  for (int dof = 1; dof <= 3; ++dof) {
+    limit_[static_cast<std::size_t>(dof - 1)] =
+        metrics::chiSquareQuantile(params.gate_probability, dof);
+    soft_[static_cast<std::size_t>(dof - 1)] =
+        metrics::chiSquareQuantile(params.down_weight_probability, dof);
+  }
+}
+
+Shared::Shared(const FilterParams& p)
+    : params(p),
+      model(p.plane),
+      gate(p),
+      engine(p.engine == EngineKind::kMrpt ? makeMrptEngine() : makeFixedEngine()) {}
+
+Tracker::Tracker(const Shared& shared, Pose mode) : shared_(&shared), mode_(mode) {
+  start({}, nullptr);
+}
+
+void Tracker::start(const PoseWithCovariance& T, const Tracker* learnt) {
+  const FilterParams& p = shared_->params;
+  if (tape_ != nullptr) tape_->cut();
+  State x;
+  StateMatrix P = StateMatrix::Zero();
+  P.diagonal().segment<3>(kGyroBias).setConstant(squared(p.gyro.bias_sigma_radps));
+  P.diagonal().segment<3>(kAccelBias).setConstant(squared(p.accel.bias_sigma_mps2));
+  P(kWheelScale, kWheelScale) = squared(p.wheels.scale_sigma);
+  P(kWheelSkew, kWheelSkew) = squared(p.wheels.skew_sigma_rad_per_m);
+  P(kTrack, kTrack) = squared(p.wheels.track_sigma);
+  P(kIcrX, kIcrX) = squared(p.wheels.icr_sigma_m);
+  double roll = 0.0;
+  double pitch = 0.0;
+  double tilt_var = squared(kUnknownTilt);
+  if (learnt != nullptr) {
+    x = learnt->x_;
+    for (int i = kGyroBias; i < kGnssBias; ++i) P(i, i) = learnt->P_(i, i);
+    const Pose3 T_before = learnt->x_.pose3();
+    roll = T_before.roll;
+    pitch = T_before.pitch;
+    if (learnt->tilt_known_)
+      tilt_var = std::max(learnt->P_(kAtt, kAtt), learnt->P_(kAtt + 1, kAtt + 1));
+    tilt_known_ = learnt->tilt_known_;
+  }
+  x.p = Eigen::Vector3d(T.mean.x, T.mean.y, learnt != nullptr ? learnt->x_.p.z() : 0.0);
+  const Eigen::Quaterniond q = attitudeOf(wrapToPi(T.mean.phi), pitch, roll);
+  x.v = q * (x_.q.conjugate() * x_.v);
+  x.q = q;
+  x.gnss_bias.setZero();
+  x.heading_offset = 0.0;
+  x.disturbance = 0.0;
+  P(kAtt, kAtt) = P(kAtt + 1, kAtt + 1) = tilt_var;
+  const int index[3] = {kPos, kPos + 1, kAtt + 2};
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) P(index[i], index[j]) = T.cov(i, j);
+  }
+  P(kPos + 2, kPos + 2) = std::max(T.cov(0, 0), T.cov(1, 1));
+  P.diagonal().segment<3>(kGnssBias).setConstant(squared(gnss_.slow_sigma_m));
+  P(kHeadingOffset, kHeadingOffset) = squared(kUnknownAngle);
+  P(kDisturbance, kDisturbance) = squared(p.heading.disturbance_sigma_rad);
+  shared_->model.constrain(P);
+  x_ = x;
+  P_ = P;
+  heading_known_ = false;
+  heading_rejected_since_.reset();
+}
+
+void Tracker::step(Motion u) {
+  if (mode_ == Pose::kCorrected) {
+    u.gnss_bias_decay = std::exp(-u.dt_s / gnss_.correlation_s);
+    u.gnss_bias_var = squared(gnss_.slow_sigma_m) * (1.0 - squared(u.gnss_bias_decay));
+  }
+  const Model::Predicted predicted = shared_->model.predict(x_, u);
+  if (tape_ != nullptr) tape_->predicted(predicted.step);
+  x_ = predicted.x;
+  shared_->engine->predict(P_, predicted.step);
+  keepWithinBounds();
+  if (!u.rolling && u.dt_s > 0.0) {
+    (void)offer(
+        shared_->model.nonHolonomic(x_, u.turn_rad.z() / u.dt_s, kCoastSide_mps, kCoastSide_mps));
+  }
+}
+
+void Tracker::keepWithinBounds() {
+  static const Error kMost = mostUncertain();
+  for (int i = 0; i < kStateSize; ++i) {
+    const double most = kMost[i] * kMost[i];
+    if (!(P_(i, i) > most)) continue;
+    // Scaling a row and its column keeps the matrix positive semi-definite.
+    const double share = kMost[i] / std::sqrt(P_(i, i));
+    P_.row(i) *= share;
+    P_.col(i) *= share;
+  }
+}
+
+UpdateReport Tracker::offer(Observation z, double inflation) {
+  UpdateReport report;
+  if (!z.finite()) {
+    report.decision = Decision::kRejected;
+    report.reason = "not finite";
+    return report;
+  }
+  report.dof = z.rows;
+  report.gate = shared_->gate.limit(report.dof);
+  const Innovation innovation = shared_->engine->innovation(P_, z);
+  report.nis = innovation.nis;
+  report.log_det = std::log(innovation.S.determinant());
+  if (!(report.nis <= report.gate)) {
+    report.decision = Decision::kGated;
+    report.reason = "chi2";
+    return report;
+  }
+  const double soft = shared_->gate.soft(report.dof);
+  if (report.nis > soft) {
+    report.decision = Decision::kDownWeighted;
+    report.reason = "chi2";
+    inflation *= report.nis / soft;
+  }
+  z.R *= inflation;
+  update(z);
+  return report;
+}
+
+void Tracker::update(const Observation& z) {
+  if (tape_ != nullptr) tape_->updated(P_, z);
+  Error correction = shared_->engine->update(P_, z);
+  if (mode_ == Pose::kContinuous) {
+    correction.segment<3>(kPos).setZero();
+    // Learning the bias would turn the robot by all that the wrong bias turned it so far.
+    if (z.H(0, kAtt + 2) == 0.0) correction[kAtt + 2] = 0.0;
+  }
+  x_ = plus(x_, correction);
+}
+
+UpdateReport Tracker::offerHeading(const Heading& heading) {
+  const HeadingParams& p = shared_->params.heading;
+  const Model& model = shared_->model;
+  const double sigma = std::max(heading.sigma_rad.value_or(0.0), p.sigma_rad);
+  if (!heading_known_) {
+    const double difference = angleDiff(heading.yaw_rad, x_.yaw());
+    const double usual =
+        std::hypot(p.offset_sigma_rad, std::hypot(p.disturbance_sigma_rad, sigmaOf(kAtt + 2)));
+    if (mode_ == Pose::kCorrected && std::abs(difference) < 2.0 * usual) {
+      learnHeadingOffset(0.0, p.offset_sigma_rad);
+    } else {
+      learnHeadingOffset(difference, kUnknownAngle);
+    }
+    heading_known_ = true;
+    UpdateReport report = offer(model.heading(x_, heading.yaw_rad, sigma));
+    report.reason = "initialised";
+    return report;
+  }
+  UpdateReport report = offer(model.heading(x_, heading.yaw_rad, sigma));
+  if (report.decision != Decision::kGated) {
+    heading_rejected_since_.reset();
+    return report;
+  }
+  if (!heading_rejected_since_) heading_rejected_since_ = heading.stamp;
+  if (toSeconds(heading.stamp - *heading_rejected_since_) > p.relearn_after_s) {
+    // The sensor keeps saying so: whatever turned it, it can be used again from here on.
+    learnHeadingOffset(angleDiff(heading.yaw_rad, x_.yaw()), kUnknownAngle);
+    heading_rejected_since_.reset();
+    (void)offer(model.heading(x_, heading.yaw_rad, sigma));
+    report.reason = "relearn";
+  }
+  return report;
+}
+
+void Tracker::replace(int first, int count, double variance) {
+  if (tape_ != nullptr) tape_->replaced(first, count);
+  for (int i = first; i < first + count; ++i) {
+    P_.row(i).setZero();
+    P_.col(i).setZero();
+    P_(i, i) = variance;
+  }
+}
+
+void Tracker::learnHeadingOffset(double mean_rad, double sigma_rad) {
+  x_.heading_offset = mean_rad;
+  x_.disturbance = 0.0;
+  replace(kHeadingOffset, 1, squared(sigma_rad));
+  replace(kDisturbance, 1, squared(shared_->params.heading.disturbance_sigma_rad));
+}
+
+void Tracker::offerTilt(double roll_rad, double pitch_rad, double sigma_rad) {
+  if (shared_->model.planar()) return;
+  if (!tilt_known_) {
+    tilt_known_ = true;
+    x_.q = attitudeOf(x_.yaw(), pitch_rad, roll_rad);
+    replace(kAtt, 2, squared(sigma_rad));
+    return;
+  }
+  (void)offer(shared_->model.tilt(x_, roll_rad, pitch_rad, sigma_rad));
+}
+
+void Tracker::offerGravity(const Eigen::Vector3d& force_mps2, const Eigen::Vector3d& own_mps2) {
+  if (shared_->model.planar()) return;
+  const double sigma = shared_->params.accel.tilt_sigma_mps2;
+  if (!tilt_known_) {
+    const double roll = std::atan2(force_mps2.y(), force_mps2.z());
+    const double pitch = std::atan2(-force_mps2.x(), std::hypot(force_mps2.y(), force_mps2.z()));
+    offerTilt(roll, pitch, sigma / force_mps2.norm());
+    return;
+  }
+  (void)offer(shared_->model.gravity(x_, force_mps2, own_mps2, sigma), kLevelInflation);
+}
+
+void Tracker::offerZeroRate(const Eigen::Vector3d& omega_radps, double interval_s) {
+  const double sigma =
+      shared_->params.gyro.noise_rad_sqrt_s / std::sqrt(std::max(interval_s, 1e-3));
+  (void)offer(shared_->model.zeroRate(x_, omega_radps, sigma), kZeroRateInflation);
+}
+
+void Tracker::offerWheelTurn(double wheels_rad, double gyro_rad, double forward_m, double dt_s) {
+  const WheelParams& p = shared_->params.wheels;
+  const double sigma = std::hypot(
+      p.yaw_sigma_per_rad * std::sqrt(std::abs(wheels_rad)),
+      std::hypot(
+          p.yaw_sigma_sqrt_m * std::sqrt(std::abs(forward_m)),
+          std::hypot(
+              shared_->params.gyro.noise_rad_sqrt_s * std::sqrt(dt_s),
+              sigmaOf(kGyroBias + 2) * dt_s)));
+  (void)offer(shared_->model.wheelTurn(x_, wheels_rad, gyro_rad, forward_m, dt_s, sigma));
+}
+
+void Tracker::setGnssNoise(const GnssNoise& noise, bool forget_slow_error) {
+  gnss_ = noise;
+  if (forget_slow_error) forgetGnssError();
+}
+
+void Tracker::forgetGnssError() {
+  x_.gnss_bias.setZero();
+  replace(kGnssBias, 3, squared(gnss_.slow_sigma_m));
+  shared_->model.constrain(P_);
+}
+
+Tracker::GnssTest Tracker::testGnss(
+    const Eigen::Vector3d& p_map_antenna, const Eigen::Vector3d& p_base_antenna) const {
+  const auto test = [this](const Observation& z) {
+    UpdateReport report;
+    report.dof = z.rows;
+    report.gate = shared_->gate.limit(z.rows);
+    const Innovation innovation = shared_->engine->innovation(P_, z);
+    report.nis = innovation.nis;
+    report.log_det = std::log(innovation.S.determinant());
+    if (!(report.nis <= report.gate)) {
+      report.decision = Decision::kGated;
+      report.reason = "chi2";
+    }
+    return report;
+  };
+  Observation z = shared_->model.gnssPosition(x_, p_map_antenna, p_base_antenna, gnss_.white);
+  GnssTest result;
+  result.against_last = test(z);
+  z.residual += x_.gnss_bias;
+  z.H.middleCols<3>(kGnssBias).setZero();
+  z.R += squared(gnss_.slow_sigma_m) * Eigen::Matrix3d::Identity();
+  result.against_any = test(z);
+  return result;
+}
+
+MapFilter::Expected Tracker::expectedFix(const Eigen::Vector3d& p_base_antenna) const {
+  const Observation z =
+      shared_->model.gnssPosition(x_, Eigen::Vector3d::Zero(), p_base_antenna, gnss_.white);
+  MapFilter::Expected result;
+  result.p_map_antenna = -z.residual.head<2>();
+  result.cov = shared_->engine->innovation(P_, z).S.topLeftCorner<2, 2>();
+  return result;
+}
+
+UpdateReport Tracker::useGnss(
+    const Eigen::Vector3d& p_map_antenna, const Eigen::Vector3d& p_base_antenna, double inflation) {
+  return offer(
+      shared_->model.gnssPosition(x_, p_map_antenna, p_base_antenna, gnss_.white), inflation);
+}
+
+void Tracker::positionFromGnss(std::optional<double> height_m) {
+  if (height_m && !shared_->model.planar()) x_.p.z() = *height_m;
+  const int axes = shared_->model.planar() ? 2 : 3;
+  const double variance = squared(gnss_.slow_sigma_m);
+  for (int i = 0; i < axes; ++i) {
+    const double shared = std::min(variance, 0.999 * P_(kPos + i, kPos + i));
+    P_(kPos + i, kGnssBias + i) = P_(kGnssBias + i, kPos + i) = -shared;
+  }
+}
+
+void Tracker::resetPosition(const Eigen::Vector2d& p, const Eigen::Matrix2d& cov) {
+  x_.p.head<2>() = p;
+  replace(kPos, 2, 1.0);
+  P_.topLeftCorner<2, 2>() = cov;
+}
+
+PoseWithCovariance Tracker::pose() const {
+  PoseWithCovariance T;
+  T.mean = x_.pose2();
+  const int index[3] = {kPos, kPos + 1, kAtt + 2};
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) T.cov(i, j) = P_(index[i], index[j]);
+  }
+  return T;
+}
+
+double Tracker::sigmaOf(int index) const { return std::sqrt(std::max(0.0, P_(index, index))); }
+
+}  // namespace vestibule::ekf
