@@ -101,6 +101,7 @@ TEST(ShippedConfig, ResolvedConfigurationLoadsToItself) {
 const std::vector<std::pair<std::string, std::function<void(const std::string&)>>>& loaders() {
   static const std::vector<std::pair<std::string, std::function<void(const std::string&)>>> kAll{
       {"config/csv", [](const std::string& path) { (void)loadParams<io::CsvMapping>(path); }},
+      {"config/filters", [](const std::string& path) { (void)pipeline::loadConfig(path); }},
       {"config/gmapping",
        [](const std::string& path) { (void)loadParams<mapping::GmappingNames>(path); }},
       {"config/sim", [](const std::string& path) { (void)loadParams<sim::SimParams>(path); }},
