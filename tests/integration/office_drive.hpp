@@ -35,7 +35,7 @@ inline OfficeResult driveOffice(const std::string& name, std::uint64_t seed) {
   amcl::ParticleLocalizer localizer({}, map, seed);
   localizer.initialise(
       {scenario.T_map_base_start, Eigen::Vector3d(0.02, 0.02, 0.001).asDiagonal()});
-  ekf::OdometryFilter odometry{ekf::FilterParams{}};
+  ekf::MapFilter odometry{ekf::FilterParams{}, SensorRig{}};
   Pose2 T_odom_base;
   std::vector<std::pair<Timestamp, Pose2>> truth;
   const auto remember = [&] {
@@ -54,8 +54,8 @@ inline OfficeResult driveOffice(const std::string& name, std::uint64_t seed) {
         odometry.process(*wheels);
         WheelOdometry increment = *wheels;
         increment.stamp = odometry.time();
-        increment.T_previous_now = between(T_odom_base, odometry.pose().mean);
-        T_odom_base = odometry.pose().mean;
+        increment.T_previous_now = between(T_odom_base, odometry.odometry().mean);
+        T_odom_base = odometry.odometry().mean;
         localizer.process(increment, amcl::YawSource::kGyro);
       } else if (const auto* imu = std::get_if<Imu>(&delivered.measurement)) {
         odometry.process(*imu);

@@ -264,10 +264,10 @@ std::string Core::waitingFor() const {
          std::to_string(static_cast<int>(alignment_.extent())) + " m so far)";
 }
 
-Pose2 carriedOn(const Model& model, const Core& core, Timestamp stamp) {
+Pose2 carriedOn(const Model& model, const Core& core, const State& x, Timestamp stamp) {
   const Timestamp limit = core.time() + std::chrono::milliseconds(500);
   const Timestamp until = std::clamp(stamp, core.time(), limit);
-  return model.transition(core.map().state(), core.reckoning().ahead(until)).pose2();
+  return model.transition(x, core.reckoning().ahead(until)).pose2();
 }
 
 }  // namespace vestibule::ekf

@@ -72,7 +72,8 @@ class Core {
   std::optional<PoseWithCovariance> initial_alignment_;
 };
 
-/// The pose carried on to `stamp` with held speed and rate.
-[[nodiscard]] Pose2 carriedOn(const Model& model, const Core& core, Timestamp stamp);
+/// One of its two estimates carried on to `stamp` with held speed and rate.
+[[nodiscard]] Pose2 carriedOn(
+    const Model& model, const Core& core, const State& x, Timestamp stamp);
 
 }  // namespace vestibule::ekf

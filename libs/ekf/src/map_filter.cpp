@@ -102,7 +102,10 @@ PoseWithCovariance MapFilter::pose() const { return impl_->core().map().pose(); 
 const State& MapFilter::state() const { return impl_->core().map().state(); }
 const StateMatrix& MapFilter::covariance() const { return impl_->core().map().covariance(); }
 Pose2 MapFilter::poseAt(Timestamp stamp) const {
-  return carriedOn(impl_->shared.model, impl_->core(), stamp);
+  return carriedOn(impl_->shared.model, impl_->core(), impl_->core().map().state(), stamp);
+}
+Pose2 MapFilter::odometryAt(Timestamp stamp) const {
+  return carriedOn(impl_->shared.model, impl_->core(), impl_->core().odometry().state(), stamp);
 }
 MapFilter::Expected MapFilter::expected(const MapFix& fix) const {
   Core core = impl_->core();

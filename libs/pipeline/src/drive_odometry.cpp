@@ -13,7 +13,7 @@ constexpr std::size_t kLookedAt = 3000;  // records, for an IMU
 }  // namespace
 
 DriveOdometry::DriveOdometry(const Config& config, bool with_gyro) {
-  if (with_gyro) filter_.emplace(config.ekf);
+  if (with_gyro) filter_.emplace(config.ekf, config.rig);
 }
 
 void DriveOdometry::process(const WheelOdometry& wheels) {
@@ -33,7 +33,7 @@ void DriveOdometry::process(const Imu& imu) {
 }
 
 Pose2 DriveOdometry::at(Timestamp stamp) const {
-  if (filter_) return filter_->poseAt(std::max(stamp, filter_->time()));
+  if (filter_) return filter_->odometryAt(std::max(stamp, filter_->time()));
   const double dt_s = toSeconds(stamp - stamp_);
   if (!any_ || std::abs(dt_s) > kMaxCarry_s) return T_odom_base_;
   return compose(T_odom_base_, expSe2(dt_s * twist_));

@@ -27,7 +27,7 @@ class DriveOdometry {
   [[nodiscard]] bool any() const { return any_; }
 
  private:
-  std::optional<ekf::OdometryFilter> filter_;
+  std::optional<ekf::MapFilter> filter_;
   Pose2 T_odom_base_;
   Timestamp stamp_;
   Eigen::Vector3d twist_ = Eigen::Vector3d::Zero();  // per second, of the last increment

@@ -18,12 +18,12 @@ constexpr double kInitSigma_rad = degToRad(8.0);
 /// gyro's: the wheels of a skid-steer robot do not know how far it turned.
 class GyroOdometry {
  public:
-  explicit GyroOdometry(const ekf::FilterParams& params) : filter_(params) {}
+  explicit GyroOdometry(const ekf::FilterParams& params) : filter_(params, SensorRig()) {}
 
   WheelOdometry process(const WheelOdometry& wheels) {
     filter_.process(wheels);
     WheelOdometry odometry = wheels;
-    const Pose2 now = filter_.pose().mean;
+    const Pose2 now = filter_.odometry().mean;
     if (has_gyro_) {
       odometry.stamp = filter_.time();
       odometry.T_previous_now = between(T_odom_base_, now);
@@ -33,7 +33,7 @@ class GyroOdometry {
   }
   void process(const Imu& imu) {
     filter_.process(imu);
-    if (!has_gyro_) T_odom_base_ = filter_.pose().mean;
+    if (!has_gyro_) T_odom_base_ = filter_.odometry().mean;
     has_gyro_ = true;
   }
   [[nodiscard]] amcl::YawSource yawSource() const {
@@ -41,7 +41,7 @@ class GyroOdometry {
   }
 
  private:
-  ekf::OdometryFilter filter_;
+  ekf::MapFilter filter_;
   Pose2 T_odom_base_;
   bool has_gyro_ = false;
 };

@@ -63,7 +63,7 @@ class Drive {
       : scenario_(scenario),
         trouble_(static_cast<Trouble>(number % kTroubles)),
         rng_(config.seed, "lost-bench", static_cast<std::uint64_t>(number)),
-        odometry_(config.ekf) {
+        odometry_(config.ekf, config.rig) {
     if (trouble_ == Trouble::kCrowd) scenario_.sim.lidar.occlusion = rng_.uniform(0.2, 0.75);
     kidnap_at_s_ = rng_.uniform(5.0, 60.0);
     const bool wrong_map = trouble_ == Trouble::kWrongMap;
@@ -108,7 +108,7 @@ class Drive {
     if (const auto* wheels = std::get_if<WheelOdometry>(&measurement)) {
       odometry_.process(*wheels);
       WheelOdometry increment = *wheels;
-      const Pose2 now = odometry_.pose().mean;
+      const Pose2 now = odometry_.odometry().mean;
       increment.T_previous_now = between(T_odom_base_, now);
       T_odom_base_ = now;
       localizer_->process(increment, amcl::YawSource::kGyro);
@@ -135,7 +135,7 @@ class Drive {
   sim::Scenario scenario_;
   Trouble trouble_;
   RandomStream rng_;
-  ekf::OdometryFilter odometry_;
+  ekf::MapFilter odometry_;
   Pose2 T_odom_base_;
   std::optional<amcl::ParticleLocalizer> localizer_;
   std::optional<sim::ScenarioRun> run_;

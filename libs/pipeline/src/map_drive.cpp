@@ -296,7 +296,7 @@ class Drive {
       const auto* position = std::get_if<Geodetic>(&f.fix.position);
       if (position == nullptr) continue;
       if (!plane) plane.emplace(*position);
-      const Eigen::Vector2d p_enu = antennaInMap(f.fix, plane);
+      const Eigen::Vector2d p_enu = antennaInMap(f.fix, plane).head<2>();
       const Point2 p_map = transform(compose(nodes_[f.scan].T_map_base, f.T_scan_base), antenna);
       double sigma_m = config_.ekf.gnss.sigma_single_m;
       if (f.fix.cov_enu && (*f.fix.cov_enu)(0, 0) > 0.0) {

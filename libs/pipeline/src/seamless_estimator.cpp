@@ -106,7 +106,7 @@ void SeamlessEstimator::onWheels(const WheelOdometry& wheels) {
 }
 
 void SeamlessEstimator::onFix(const GnssFix& fix) {
-  const Eigen::Vector2d p_map_antenna = antennaInMap(fix, plane_);
+  const Eigen::Vector3d p_map_antenna = antennaInMap(fix, plane_);
   if (!wasUsed(gnss_filter_.process(inMap(fix, p_map_antenna)))) return;
   last_fix_ = last_fix_ ? std::max(*last_fix_, fix.stamp) : fix.stamp;
   if (!particles_ || !particles_->initialised() || !config_.amcl.gnss.enabled) return;

@@ -87,6 +87,8 @@ class MapFilter {
   // --- odometry ----------------------------------------------------------------------------------
   /// T_odom_base at time(), with the covariance grown since the start.
   [[nodiscard]] PoseWithCovariance odometry() const;
+  /// The same carried on to `stamp`, as poseAt().
+  [[nodiscard]] Pose2 odometryAt(Timestamp stamp) const;
   [[nodiscard]] const State& odometryState() const;
   [[nodiscard]] double yawRate() const;  ///< [rad/s] bias removed
   [[nodiscard]] double speed() const;    ///< [m/s] forward positive
