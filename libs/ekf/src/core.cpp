@@ -137,10 +137,12 @@ void Core::begin(const TrackAlignment::Result& found, const MapFix& fix) {
 UpdateReport Core::initialise(const MapFix& fix, const GnssScreen::Worth& worth) {
   UpdateReport report = rejected("not ready");
   const Pose2 T_odom_base = odometry_.pose().mean;
-  if (params().init.trust_heading && heading_ &&
+  const HeadingParams& p = params().heading;
+  const double sigma =
+      heading_ ? std::max(heading_->sigma_rad.value_or(0.0), p.sigma_rad) : p.sigma_rad;
+  // A sensor that doubts itself is not trusted, whatever the configuration says.
+  if (params().init.trust_heading && heading_ && sigma <= params().init.max_yaw_sigma_rad &&
       std::abs(toSeconds(fix.stamp - heading_->stamp)) < kHeadingAge_s) {
-    const HeadingParams& p = params().heading;
-    const double sigma = std::max(heading_->sigma_rad.value_or(0.0), p.sigma_rad);
     const Point2 lever = transform(Pose2(0, 0, heading_->yaw_rad), rig_->p_base_antenna);
     PoseWithCovariance T;
     T.mean =
