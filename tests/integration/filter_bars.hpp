@@ -15,8 +15,7 @@
 namespace vestibule::test {
 
 /// The mean of n chi-square values of that many degrees of freedom against its 95 % bounds.
-inline void expectConsistent(
-    const std::vector<double>& nees, int dof, const std::string& what) {
+inline void expectConsistent(const std::vector<double>& nees, int dof, const std::string& what) {
   double mean = 0.0;
   for (const double v : nees) mean += v / static_cast<double>(nees.size());
   const auto n = static_cast<double>(nees.size());
@@ -107,9 +106,8 @@ inline void expectOutage(const std::string& scenario, double length_s, std::uint
     // What the outage adds to the error, per distance driven in it.
     const double added = std::hypot(end.error_m, 0.0) - begin.error_m;
     drift.push_back(std::max(0.0, added) / std::max(1.0, end.driven_m - begin.driven_m));
-    const auto used = std::find_if(drive.used_s.begin(), drive.used_s.end(), [&](double t) {
-      return t > 60.0 + length_s;
-    });
+    const auto used = std::find_if(
+        drive.used_s.begin(), drive.used_s.end(), [&](double t) { return t > 60.0 + length_s; });
     back_s.push_back(used == drive.used_s.end() ? 1e3 : *used - 60.0 - length_s);
   }
   const auto figures = metrics::statistics(drift);
@@ -121,7 +119,9 @@ inline void expectOutage(const std::string& scenario, double length_s, std::uint
       100.0 * figures.median,
       100.0 * figures.p95,
       slowest);
-  if (length_s <= 60.0) EXPECT_LE(figures.median, 0.01) << "of the distance";
+  if (length_s <= 60.0) {
+    EXPECT_LE(figures.median, 0.01) << "of the distance";
+  }
   EXPECT_LE(slowest, 5.0 + 5.0) << "[s]; the receiver itself needs up to 5 s";
 }
 
@@ -144,12 +144,15 @@ inline void expectStandsStill(std::uint64_t seeds) {
     ASSERT_TRUE(drive.ready_s);
     const auto& end = drive.samples.back();
     const auto& begin = drive.at(end.t_s - 580.0);
-    worst_deg = std::max(
-        worst_deg, std::abs(radToDeg(angleDiff(end.estimate.phi, begin.estimate.phi))));
-    worst_m = std::max(worst_m, std::hypot(end.estimate.x - begin.estimate.x, end.estimate.y - begin.estimate.y));
+    worst_deg =
+        std::max(worst_deg, std::abs(radToDeg(angleDiff(end.estimate.phi, begin.estimate.phi))));
+    worst_m = std::max(
+        worst_m, std::hypot(end.estimate.x - begin.estimate.x, end.estimate.y - begin.estimate.y));
   }
   std::printf(
-      "stationary_10min: heading moved by at most %.3f deg, position by %.2f m\n", worst_deg, worst_m);
+      "stationary_10min: heading moved by at most %.3f deg, position by %.2f m\n",
+      worst_deg,
+      worst_m);
   EXPECT_LT(worst_deg, 0.2) << "[deg] in ten minutes";
 }
 

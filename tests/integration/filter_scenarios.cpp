@@ -102,8 +102,7 @@ FilterDrive driveFilter(
     const double t_s = run.elapsed();
     if (!result.ready_s) result.ready_s = t_s;
     const Pose2 truth = run.simulator().truth();
-    auto sample =
-        compared(filter, run.simulator().time(), truth, run.simulator().distanceDriven());
+    auto sample = compared(filter, run.simulator().time(), truth, run.simulator().distanceDriven());
     sample.t_s = t_s;
     const Eigen::Vector2d error(sample.estimate.x - truth.x, sample.estimate.y - truth.y);
     sample.step_m = error_before ? (error - *error_before).norm() : 0.0;

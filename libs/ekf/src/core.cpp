@@ -63,12 +63,14 @@ UpdateReport Core::take(const Imu& imu) {
 UpdateReport Core::take(const WheelOdometry& wheels) {
   step(reckoning_.process(wheels));
   const auto& turn = reckoning_.wheelTurn();
-  if (turn && std::abs(turn->gyro_rad) > params().wheels.learn_above_radps * turn->dt_s) {
+  if (turn && std::max(std::abs(turn->gyro_rad), std::abs(turn->wheels_rad)) >
+                  params().wheels.learn_above_radps * turn->dt_s) {
     const auto offer = [&turn](Tracker& tracker) {
-      tracker.offerWheelTurn(turn->wheels_rad, turn->gyro_rad, turn->forward_m, turn->dt_s);
+      return tracker.offerWheelTurn(turn->wheels_rad, turn->gyro_rad, turn->forward_m, turn->dt_s);
     };
-    offer(odometry_);
-    if (ready_) offer(map_);
+    // Wheels that turn as the robot does not are slipping, forwards too.
+    if (offer(odometry_).decision == Decision::kGated) reckoning_.slipped();
+    if (ready_) (void)offer(map_);
   }
   return {};
 }
@@ -168,15 +170,16 @@ UpdateReport Core::initialise(const MapFix& fix, const GnssScreen::Worth& worth)
 }
 
 void Core::setGnssNoise(const GnssScreen::Worth& worth) {
-  const GnssParams& gnss = params().gnss;
-  const double share = worth.carrier_phase ? gnss.rtk_slow_share : gnss.slow_share;
+  const GnssErrorModel error = errorModel(worth.kind, params().gnss);
   Tracker::GnssNoise noise;
-  noise.slow_sigma_m = share * worth.sigma_m;
-  noise.correlation_s = worth.carrier_phase ? gnss.rtk_correlation_s : gnss.correlation_s;
-  noise.white = (1.0 - share * share) * worth.R;
-  const bool other_kind = carrier_phase_ && *carrier_phase_ != worth.carrier_phase;
-  map_.setGnssNoise(noise, other_kind || !carrier_phase_);
-  carrier_phase_ = worth.carrier_phase;
+  noise.slow_sigma_m = error.slow_share * worth.sigma_m;
+  noise.correlation_s = error.correlation_s;
+  noise.white = (1.0 - error.slow_share * error.slow_share) * worth.R;
+  // Corrections come and go, code errors stay; carrier-phase fixes err in another way.
+  const bool carrier_phase = worth.kind == FixKind::kCarrierPhase;
+  const bool otherwise = !fix_kind_ || (*fix_kind_ == FixKind::kCarrierPhase) != carrier_phase;
+  map_.setGnssNoise(noise, otherwise);
+  fix_kind_ = worth.kind;
 }
 
 UpdateReport Core::fuse(const MapFix& fix, const GnssScreen::Worth& worth) {
@@ -216,7 +219,7 @@ MapFilter::Expected Core::expected(const MapFix& fix) {
   GnssScreen::Worth worth;
   worth.sigma_m = sigma_m;
   worth.R = sigma_m * sigma_m * Eigen::Matrix3d::Identity();
-  worth.carrier_phase = carrier_phase_.value_or(false);
+  worth.kind = fix_kind_.value_or(FixKind::kCode);
   setGnssNoise(worth);
   const Eigen::Vector3d lever(rig_->p_base_antenna.x, rig_->p_base_antenna.y, 0.0);
   return map_.expectedFix(lever);

@@ -66,7 +66,7 @@ class Core {
   std::optional<Timestamp> last_imu_;
   std::optional<Timestamp> refused_since_;
   std::optional<Timestamp> jumped_since_;
-  std::optional<bool> carrier_phase_;  ///< of the last fix
+  std::optional<FixKind> fix_kind_;  ///< of the last fix
   std::optional<Heading> heading_;
   bool ready_ = false;
   std::optional<PoseWithCovariance> initial_alignment_;

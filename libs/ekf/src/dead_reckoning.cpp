@@ -38,6 +38,9 @@ double samplingVariance(double change_sq, double dt_s) {
   return 0.5 * change_sq * squared(dt_s * dt_s / (dt_s + kMotionTime_s));
 }
 
+/// Of the wheels' variances while they slip.
+constexpr double kSlipInflation = 100.0;
+
 }  // namespace
 
 Eigen::Vector3d DeadReckoning::rate() const {
@@ -75,8 +78,9 @@ void DeadReckoning::start(Timestamp stamp) {
 void DeadReckoning::addNoise(Motion& u) const {
   const WheelParams& wheels = params_->wheels;
   const double path_m = u.rolling ? std::hypot(u.forward_m, u.left_m) : 0.0;
-  u.forward_var += squared(wheels.distance_sigma_sqrt_m) * path_m;
-  u.left_var += squared(wheels.lateral_sigma_sqrt_m) * path_m;
+  const double doubt = slips_until_ && time_ < *slips_until_ ? kSlipInflation : 1.0;
+  u.forward_var += doubt * squared(wheels.distance_sigma_sqrt_m) * path_m;
+  u.left_var += doubt * squared(wheels.lateral_sigma_sqrt_m) * path_m;
   if (u.turn_is_gyro) {
     const double noise_var = squared(params_->gyro.noise_rad_sqrt_s) * u.dt_s;
     u.turn_var += noise_var + squared(params_->gyro.scale_sigma * u.turn_rad.z());

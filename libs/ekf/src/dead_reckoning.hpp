@@ -40,6 +40,8 @@ class DeadReckoning {
   [[nodiscard]] bool hasForce() const { return has_force_; }
   /// Of the robot itself by its wheels and turn rate, base axes [m/s^2].
   [[nodiscard]] Eigen::Vector3d ownAcceleration(const Eigen::Vector3d& gyro_bias_radps) const;
+  /// The wheels slip: for a while they say little.
+  void slipped() { slips_until_ = time_ + kSlip; }
   /// What a step that coasted moved the robot forward, for the wheels to catch up with.
   void coasted(double forward_m) { held_forward_m_ += forward_m; }
 
@@ -56,6 +58,7 @@ class DeadReckoning {
   [[nodiscard]] bool standstill() const;
 
  private:
+  static constexpr Duration kSlip = std::chrono::milliseconds(500);
   [[nodiscard]] bool wheelsAlive(Timestamp stamp) const;
   [[nodiscard]] bool gyroAlive(Timestamp stamp) const;
   void start(Timestamp stamp);
@@ -67,6 +70,7 @@ class DeadReckoning {
 
   const FilterParams* params_;
   bool started_ = false;
+  std::optional<Timestamp> slips_until_;
   Timestamp time_;
 
   std::optional<Timestamp> last_wheels_;

@@ -18,14 +18,16 @@ constexpr double kMostVariance = 1e8;   ///< [m^2] a receiver that claims more s
 constexpr double kSpacing_s = 1.0;      ///< nearer fixes replace each other
 constexpr std::size_t kMaxCandidates = 200;
 
-bool isRtk(GnssFixType type) {
-  return type == GnssFixType::kRtkFixed || type == GnssFixType::kRtkFloat;
-}
-
-/// Fixes within this time say the same as one.
-double repeatTime(bool carrier_phase, const GnssParams& p) {
-  if (carrier_phase) return p.rtk_slow_share > 0.0 ? 0.0 : p.rtk_correlation_s;
-  return p.slow_share > 0.0 ? p.repeat_s : p.correlation_s;
+FixKind kindOf(GnssFixType type) {
+  switch (type) {
+    case GnssFixType::kRtkFixed:
+    case GnssFixType::kRtkFloat:
+      return FixKind::kCarrierPhase;
+    case GnssFixType::kDifferential:
+      return FixKind::kDifferential;
+    default:
+      return FixKind::kCode;
+  }
 }
 
 double floorOf(GnssFixType type, const GnssParams& p) {
@@ -46,6 +48,23 @@ double floorOf(GnssFixType type, const GnssParams& p) {
 
 }  // namespace
 
+GnssErrorModel errorModel(FixKind kind, const GnssParams& p) {
+  // Where no slow error is estimated, all fixes within its time count as one.
+  switch (kind) {
+    case FixKind::kCode:
+      return {p.slow_share, p.correlation_s, p.slow_share > 0.0 ? p.repeat_s : p.correlation_s};
+    case FixKind::kDifferential:
+      return {
+          p.differential_slow_share,
+          p.differential_correlation_s,
+          p.differential_slow_share > 0.0 ? p.differential_repeat_s : p.differential_correlation_s};
+    case FixKind::kCarrierPhase:
+      break;
+  }
+  return {
+      p.rtk_slow_share, p.rtk_correlation_s, p.rtk_slow_share > 0.0 ? 0.0 : p.rtk_correlation_s};
+}
+
 GnssScreen::Worth GnssScreen::assess(const MapFix& fix) {
   const GnssParams& gnss = params_->gnss;
   Worth worth;
@@ -53,11 +72,11 @@ GnssScreen::Worth GnssScreen::assess(const MapFix& fix) {
     worth.refused = "no fix";
     return worth;
   }
-  worth.carrier_phase = isRtk(fix.type);
+  worth.kind = kindOf(fix.type);
   double least = floorOf(fix.type, gnss);
   // A dilution of precision scales code errors, both axes together; carrier-phase fixes carry their
   // own floor.
-  if (fix.hdop && std::isfinite(*fix.hdop) && !worth.carrier_phase) {
+  if (fix.hdop && std::isfinite(*fix.hdop) && worth.kind != FixKind::kCarrierPhase) {
     least = std::max(least, *fix.hdop * gnss.uere_m / std::sqrt(2.0));
   }
   double doubt = 1.0;
@@ -83,11 +102,12 @@ GnssScreen::Worth GnssScreen::assess(const MapFix& fix) {
     worth.refused = "sigma";
     return worth;
   }
-  worth.R.topLeftCorner<2, 2>() = doubt * doubt * axes.eigenvectors() * variances.asDiagonal() *
-                                  axes.eigenvectors().transpose();
+  const Eigen::Matrix2d R = doubt * doubt * axes.eigenvectors() * variances.asDiagonal() *
+                            axes.eigenvectors().transpose();
+  worth.R.topLeftCorner<2, 2>() = 0.5 * (R + R.transpose());
   if (last_used_) {
     const double interval_s = std::max(1e-3, toSeconds(fix.stamp - *last_used_));
-    worth.repeats = std::max(1.0, 2.0 * repeatTime(worth.carrier_phase, gnss) / interval_s);
+    worth.repeats = std::max(1.0, 2.0 * errorModel(worth.kind, gnss).repeat_s / interval_s);
   }
   const double least_up = kVertical * kVertical * worth.sigma_m * worth.sigma_m;
   worth.R(2, 2) = doubt * doubt * std::max(reported_up, least_up);

@@ -12,6 +12,17 @@
 
 namespace vestibule::ekf {
 
+/// Kinds of fixes that err alike.
+enum class FixKind { kCode, kDifferential, kCarrierPhase };
+
+/// How the error of a kind of fixes goes on in time.
+struct GnssErrorModel {
+  double slow_share = 0.0;     ///< of sigma, estimated; the rest is white
+  double correlation_s = 0.0;  ///< of the slow part
+  double repeat_s = 0.0;       ///< so long the white part stays the same
+};
+[[nodiscard]] GnssErrorModel errorModel(FixKind kind, const GnssParams& params);
+
 /// What a fix is worth before it meets the estimate, and what to do when fixes keep being refused.
 class GnssScreen {
  public:
@@ -23,7 +34,7 @@ class GnssScreen {
     std::string refused;  ///< why the fix cannot be used at all; empty otherwise
     Eigen::Matrix3d R = Eigen::Matrix3d::Zero();  ///< of this one fix, doubts included
     double sigma_m = 0.0;                         ///< horizontal, larger axis, without doubts
-    bool carrier_phase = false;
+    FixKind kind = FixKind::kCode;
     double repeats = 1.0;  ///< so many fixes in a row say the same
   };
   /// Notes the stamp: silence before a fix makes the next ones doubtful.

@@ -98,6 +98,9 @@ void describe(ParamIo& io, GnssParams& p) {
   io.optional("slow_share", p.slow_share, within(0.0, 0.999));
   io.optional("correlation_s", p.correlation_s, positive());
   io.optional("repeat_s", p.repeat_s, nonNegative());
+  io.optional("differential_slow_share", p.differential_slow_share, within(0.0, 0.999));
+  io.optional("differential_correlation_s", p.differential_correlation_s, positive());
+  io.optional("differential_repeat_s", p.differential_repeat_s, nonNegative());
   io.optional("rtk_slow_share", p.rtk_slow_share, within(0.0, 0.999));
   io.optional("rtk_correlation_s", p.rtk_correlation_s, positive());
   io.optional("gap_s", p.gap_s, positive());

@@ -42,6 +42,12 @@ Error mostUncertain() {
 
 double squared(double v) { return v * v; }
 
+/// Usual disturbances of the heading are learnt over this many times their duration ...
+constexpr double kDisturbanceMemory = 4.0;
+/// ... within these factors of the configured variance.
+constexpr double kLeastDisturbance = 0.1;
+constexpr double kMostDisturbance = 6.0;
+
 }  // namespace
 
 Gate::Gate(const FilterParams& params) {
@@ -102,7 +108,10 @@ void Tracker::start(const PoseWithCovariance& T, const Tracker* learnt) {
   P(kPos + 2, kPos + 2) = std::max(T.cov(0, 0), T.cov(1, 1));
   P.diagonal().segment<3>(kGnssBias).setConstant(squared(gnss_.slow_sigma_m));
   P(kHeadingOffset, kHeadingOffset) = squared(kUnknownAngle);
-  P(kDisturbance, kDisturbance) = squared(p.heading.disturbance_sigma_rad);
+  disturbance_var_ = learnt != nullptr && learnt->heading_known_
+                         ? learnt->disturbance_var_
+                         : squared(p.heading.disturbance_sigma_rad);
+  P(kDisturbance, kDisturbance) = disturbance_var_;
   shared_->model.constrain(P);
   x_ = x;
   P_ = P;
@@ -111,6 +120,7 @@ void Tracker::start(const PoseWithCovariance& T, const Tracker* learnt) {
 }
 
 void Tracker::step(Motion u) {
+  u.disturbance_var = disturbance_var_ * (1.0 - squared(u.disturbance_decay));
   if (mode_ == Pose::kCorrected) {
     u.gnss_bias_decay = std::exp(-u.dt_s / gnss_.correlation_s);
     u.gnss_bias_var = squared(gnss_.slow_sigma_m) * (1.0 - squared(u.gnss_bias_decay));
@@ -184,7 +194,7 @@ UpdateReport Tracker::offerHeading(const Heading& heading) {
   if (!heading_known_) {
     const double difference = angleDiff(heading.yaw_rad, x_.yaw());
     const double usual =
-        std::hypot(p.offset_sigma_rad, std::hypot(p.disturbance_sigma_rad, sigmaOf(kAtt + 2)));
+        std::sqrt(squared(p.offset_sigma_rad) + disturbance_var_ + squared(sigmaOf(kAtt + 2)));
     if (mode_ == Pose::kCorrected && std::abs(difference) < 2.0 * usual) {
       learnHeadingOffset(0.0, p.offset_sigma_rad);
     } else {
@@ -195,7 +205,9 @@ UpdateReport Tracker::offerHeading(const Heading& heading) {
     report.reason = "initialised";
     return report;
   }
-  UpdateReport report = offer(model.heading(x_, heading.yaw_rad, sigma));
+  const Observation z = model.heading(x_, heading.yaw_rad, sigma);
+  UpdateReport report = offer(z);
+  learnDisturbance(report, heading, z.residual[0]);
   if (report.decision != Decision::kGated) {
     heading_rejected_since_.reset();
     return report;
@@ -224,7 +236,25 @@ void Tracker::learnHeadingOffset(double mean_rad, double sigma_rad) {
   x_.heading_offset = mean_rad;
   x_.disturbance = 0.0;
   replace(kHeadingOffset, 1, squared(sigma_rad));
-  replace(kDisturbance, 1, squared(shared_->params.heading.disturbance_sigma_rad));
+  replace(kDisturbance, 1, disturbance_var_);
+}
+
+void Tracker::learnDisturbance(
+    const UpdateReport& report, const Heading& heading, double residual_rad) {
+  const HeadingParams& p = shared_->params.heading;
+  // Expectation maximisation for the stationary variance: the mean of what the disturbance's square
+  // is expected to be. Where the reading was refused, the whole difference is a disturbance.
+  const double square = report.decision == Decision::kGated
+                            ? squared(x_.disturbance + residual_rad)
+                            : squared(x_.disturbance) + P_(kDisturbance, kDisturbance);
+  const double dt_s = last_heading_ ? toSeconds(heading.stamp - *last_heading_) : 0.0;
+  last_heading_ = heading.stamp;
+  const double share = 1.0 - std::exp(-dt_s / (kDisturbanceMemory * p.disturbance_time_s));
+  const double configured = squared(p.disturbance_sigma_rad);
+  disturbance_var_ = std::clamp(
+      disturbance_var_ + share * (square - disturbance_var_),
+      kLeastDisturbance * configured,
+      kMostDisturbance * configured);
 }
 
 void Tracker::offerTilt(double roll_rad, double pitch_rad, double sigma_rad) {
@@ -256,7 +286,8 @@ void Tracker::offerZeroRate(const Eigen::Vector3d& omega_radps, double interval_
   (void)offer(shared_->model.zeroRate(x_, omega_radps, sigma), kZeroRateInflation);
 }
 
-void Tracker::offerWheelTurn(double wheels_rad, double gyro_rad, double forward_m, double dt_s) {
+UpdateReport Tracker::offerWheelTurn(
+    double wheels_rad, double gyro_rad, double forward_m, double dt_s) {
   const WheelParams& p = shared_->params.wheels;
   const double sigma = std::hypot(
       p.yaw_sigma_per_rad * std::sqrt(std::abs(wheels_rad)),
@@ -265,7 +296,7 @@ void Tracker::offerWheelTurn(double wheels_rad, double gyro_rad, double forward_
           std::hypot(
               shared_->params.gyro.noise_rad_sqrt_s * std::sqrt(dt_s),
               sigmaOf(kGyroBias + 2) * dt_s)));
-  (void)offer(shared_->model.wheelTurn(x_, wheels_rad, gyro_rad, forward_m, dt_s, sigma));
+  return offer(shared_->model.wheelTurn(x_, wheels_rad, gyro_rad, forward_m, dt_s, sigma));
 }
 
 void Tracker::setGnssNoise(const GnssNoise& noise, bool forget_slow_error) {

@@ -52,7 +52,7 @@ class Tracker {
   void offerTilt(double roll_rad, double pitch_rad, double sigma_rad);
   void offerGravity(const Eigen::Vector3d& force_mps2, const Eigen::Vector3d& own_mps2);
   void offerZeroRate(const Eigen::Vector3d& omega_radps, double interval_s);
-  void offerWheelTurn(double wheels_rad, double gyro_rad, double forward_m, double dt_s);
+  UpdateReport offerWheelTurn(double wheels_rad, double gyro_rad, double forward_m, double dt_s);
 
   // --- GNSS: z = antenna + slow error + white error ---------------------------------------------
   struct GnssNoise {
@@ -89,6 +89,7 @@ class Tracker {
 
  private:
   void learnHeadingOffset(double mean_rad, double sigma_rad);
+  void learnDisturbance(const UpdateReport& report, const Heading& heading, double residual_rad);
   void update(const Observation& z);
   void replace(int first, int count, double variance);
   void keepWithinBounds();
@@ -100,6 +101,8 @@ class Tracker {
   bool heading_known_ = false;
   bool tilt_known_ = false;
   std::optional<Timestamp> heading_rejected_since_;
+  std::optional<Timestamp> last_heading_;
+  double disturbance_var_ = 0.0;  ///< [rad^2] as usual where the robot drives, learnt
   GnssNoise gnss_;
   Tape* tape_ = nullptr;
 };

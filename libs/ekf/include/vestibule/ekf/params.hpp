@@ -41,7 +41,7 @@ struct WheelParams {
 struct GyroParams {
   double noise_rad_sqrt_s = 0.002;  ///< [rad/sqrt(s)] angle random walk
   double scale_sigma = 0.01;        ///< [-] of a turn
-  double bias_sigma_radps = 0.01;   ///< [rad/s] at start
+  double bias_sigma_radps = 0.005;  ///< [rad/s] at start
   double bias_walk_radps_sqrt_s = 2e-5;
   double max_gap_s = 0.5;  ///< [s] a longer silence (or 2.5 periods) = no gyro: wheels turn
 };
@@ -59,13 +59,14 @@ struct AccelParams {
 struct HeadingParams {
   double sigma_rad = degToRad(1.0);  ///< [rad] white noise, floor of the reported one
   /// [rad/sqrt(s)] drift of mounting + declination
-  double offset_walk_rad_sqrt_s = degToRad(0.05);
+  double offset_walk_rad_sqrt_s = degToRad(0.2);
   /// [rad] of mounting + declination, if the first readings agree with the track (within two
   /// sigma); a sensor that does not agree has an unknown offset.
   double offset_sigma_rad = degToRad(10.0);
-  double disturbance_sigma_rad = degToRad(18.0);  ///< [rad] passing deviation (steel, tilt)
-  double disturbance_time_s = 25.0;               ///< [s] how long such a deviation lasts
-  double relearn_after_s = 1.5;                   ///< [s] rejected so long: offset learnt anew
+  double disturbance_sigma_rad =
+      degToRad(12.0);                     ///< [rad] passing deviation (steel, tilt), at first
+  double disturbance_time_s = 25.0;       ///< [s] how long such a deviation lasts
+  double relearn_after_s = 1.5;           ///< [s] rejected so long: offset learnt anew
   double tilt_sigma_rad = degToRad(1.5);  ///< [rad] of roll and pitch, where the sensor has them
 };
 
@@ -73,7 +74,7 @@ struct HeadingParams {
 struct GnssParams {
   double sigma_rtk_fixed_m = 0.03;
   double sigma_rtk_float_m = 0.4;
-  double sigma_differential_m = 1.0;
+  double sigma_differential_m = 2.0;
   double sigma_single_m = 4.0;  ///< also for receivers that do not say what they have
   double uere_m = 3.5;          ///< [m] range error: sigma of both axes together = hdop * uere
   /// [-] of sigma: the part that is estimated as a slow error; the rest is white. 0: nothing is
@@ -81,12 +82,15 @@ struct GnssParams {
   double slow_share = 0.0;
   double correlation_s = 60.0;  ///< [s] how long the slow error lasts; code fixes
   double repeat_s = 10.0;  ///< [s] beside an estimated slow error: how long the rest repeats itself
-  double rtk_slow_share = 0.0;     ///< the same two of RTK fixes
-  double rtk_correlation_s = 2.0;  ///< [s]
-  double gap_s = 3.0;              ///< [s] after a longer silence fixes are doubted (x3) for 5 s
-  double max_sigma_m = 50.0;       ///< [m] a fix that says it is worse is rejected
-  double max_speed_mps = 20.0;     ///< [m/s] no robot is faster
-  double relearn_after_s = 3.0;    ///< [s] rejected so long: the slow error is learnt anew
+  double differential_slow_share = 0.9;      ///< [-] the same three of differential fixes (SBAS)
+  double differential_correlation_s = 60.0;  ///< [s]
+  double differential_repeat_s = 5.0;        ///< [s]
+  double rtk_slow_share = 0.0;               ///< and of RTK fixes
+  double rtk_correlation_s = 2.0;            ///< [s]
+  double gap_s = 3.0;            ///< [s] after a longer silence fixes are doubted (x3) for 5 s
+  double max_sigma_m = 50.0;     ///< [m] a fix that says it is worse is rejected
+  double max_speed_mps = 20.0;   ///< [m/s] no robot is faster
+  double relearn_after_s = 3.0;  ///< [s] rejected so long: the slow error is learnt anew
 };
 
 /// Re-acquisition after rejections: a cluster of fixes that moves as the odometry does.
