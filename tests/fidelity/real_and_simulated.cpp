@@ -285,7 +285,7 @@ std::vector<double> gnssInnovations(const std::string& recording, const std::str
   observers.attach(log);
   io::RecordingOptions options;
   if (!csv_mapping.empty()) options.csv_mapping = csv_mapping;
-  (void)pipeline::fuse(recording, options, {}, observers, noProgress);
+  (void)pipeline::fuse(recording, options, {}, {}, observers, noProgress);
   return log.lengths;
 }
 
