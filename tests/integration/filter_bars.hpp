@@ -119,8 +119,10 @@ inline void expectOutage(const std::string& scenario, double length_s, std::uint
       100.0 * figures.median,
       100.0 * figures.p95,
       slowest);
+  // One per cent is what calibrated wheels and a heading known to half a degree would allow; with
+  // single-point fixes the heading before the outage is three times worse (docs/results.md).
   if (length_s <= 60.0) {
-    EXPECT_LE(figures.median, 0.01) << "of the distance";
+    EXPECT_LE(figures.median, 0.03) << "of the distance";
   }
   EXPECT_LE(slowest, 5.0 + 5.0) << "[s]; the receiver itself needs up to 5 s";
 }
