@@ -252,7 +252,7 @@ struct Rbpf::Impl {
   }
 
   /// Where the scan fits the particle's map: near the odometry, else where the robot was before
-  /// (its wheels span), else in a wide window.
+  /// (its wheels spun), else in a wide window.
   Try findPlace(const Particle& p, const PosePrior& prior, double sigma_rad, double gap_s) {
     const MatcherParams& m = params.matcher;
     // In translation the window is for what the path has drifted when it comes back to a place,

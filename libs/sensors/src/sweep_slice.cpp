@@ -15,6 +15,7 @@ constexpr double kSupport_m = 0.25;       // two echoes of one obstacle: along t
 constexpr double kFootHeight_m = 0.5;     // so much of an obstacle tells how it leans, ...
 constexpr double kMinLean_m = 0.15;       // ... but not less than this, ...
 constexpr double kMinLean = 0.2;          // ... and less than this, run by rise, is upright
+constexpr double kMaxLean = 1.2;          // run by rise; more is not one steep surface
 constexpr double kHiddenHeight_m = 0.3;   // lowest echo so far above and behind the ground seen
 constexpr double kMaxFootShift_m = 0.6;   // it is followed down to its foot this far
 
@@ -33,7 +34,9 @@ bool leansAtTheBottom(const std::vector<Echo>& echoes, std::size_t first, std::s
   const Echo& lowest = echoes[first];
   for (std::size_t i = first + 1; i < last; ++i) {
     const double rise = echoes[i].z_m - lowest.z_m;
-    if (rise >= kMinLean_m) return echoes[i].r_m - lowest.r_m > kMinLean * rise;
+    const double run = echoes[i].r_m - lowest.r_m;
+    // What lies farther back is not the same surface: a wall behind a pole.
+    if (rise >= kMinLean_m && run < kMaxLean * rise) return run > kMinLean * rise;
   }
   return false;
 }
