@@ -144,6 +144,24 @@ TEST(MapQuality, AThinPoleStaysInTheMap) {
   EXPECT_EQ(map.at({-1.0, 2.0}), grid::Cell::kUnknown);
 }
 
+TEST(MapQuality, EndPointsSpreadOverCellsMakeOneOfThemOccupied) {
+  PatchMap map(0.05, 0.25);
+  PatchMap::Writer writer(map);
+  // GIVEN a pole that 3 of 10 scans saw in two neighbouring cells, in neither often enough
+  const auto look = [&](int hits, int through, int ix) {
+    for (int i = 0; i < hits; ++i) writer.addHit(ix + 0.5, 10.5);
+    for (int i = 0; i < through; ++i) writer.addFree(ix, 10);
+  };
+  look(2, 8, 10);
+  look(1, 9, 11);
+  // AND a person who crossed a cell once
+  look(1, 9, 20);
+  const grid::OccupancyMap drawn = toOccupancyMap(map, 0.2);
+  EXPECT_EQ(drawn.at({0.525, 0.525}), grid::Cell::kOccupied);
+  EXPECT_EQ(drawn.at({0.575, 0.525}), grid::Cell::kFree);
+  EXPECT_EQ(drawn.at({1.025, 0.525}), grid::Cell::kFree);
+}
+
 TEST(GmappingNames, AreReadAndWrittenIntoTheFilter) {
   const auto params = parseParams<MappingParams>(
       "gmapping: {particles: 40, linearUpdate: 0.4, angularUpdate: 0.2, srr: 0.3, stt: 0.4, "
