@@ -153,6 +153,27 @@ TEST_F(MapDrive, ADamagedLogGivesTheMapOfWhatCameBefore) {
   EXPECT_GT(io::readTum(path("out/trajectory.tum")).size(), 60U);
 }
 
+TEST_F(MapDrive, FinishRefinesAllPosesAndSaysWhatItClosed) {
+  ASSERT_NO_FATAL_FAILURE(map("out", {"--finish"}));
+  const io::Trajectory poses = io::readTum(path("out/trajectory.tum"));
+  ASSERT_EQ(poses.size(), drive_.poses.size());
+  double worst_m = 0.0;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const Pose2 truth = between(drive_.poses.front(), drive_.poses[i]);
+    worst_m =
+        std::max(worst_m, distance(between(toPose2(poses.front().T), toPose2(poses[i].T)), truth));
+  }
+  EXPECT_LT(worst_m, 0.05);
+  const json finish = summary("out")["finish"];
+  EXPECT_GT(finish["key_scans"], 10);
+  EXPECT_GT(finish["pairs"], finish["key_scans"]);
+  EXPECT_LT(finish["surface_rms_after_m"], 0.03);
+  EXPECT_TRUE(finish["closures"].contains("accepted"));
+  EXPECT_EQ(
+      io::readSimpleMap(path("out/map.simplemap")).size(), finish["key_scans"].get<std::size_t>());
+  EXPECT_THAT(readFile(path("out/report.html")), HasSubstr("places recognised again"));
+}
+
 TEST_F(MapDrive, GmappingParametersByTheirNames) {
   const std::string params = file("gmapping.yaml", "particles: 4\nlinearUpdate: 0.5\nxmin: -10\n");
   ASSERT_NO_FATAL_FAILURE(map("out", {"--gmapping-params", params}));

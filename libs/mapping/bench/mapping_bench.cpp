@@ -1,6 +1,6 @@
 // One update of the particle filter, per particle, and its parts, beside what MRPT offers for the
-// same work: ICP of two scans for the match, the copy of a whole grid for resampling, the insertion
-// of a scan into a grid. 180 beams in a hall of 20 x 16 m.
+// same work: ICP of two scans for the match, the copy of a whole grid for resampling. 180 beams in a
+// hall of 20 x 16 m.
 
 #include <benchmark/benchmark.h>
 #include <mrpt/maps/COccupancyGridMap2D.h>
@@ -161,18 +161,6 @@ void BM_Integrate(benchmark::State& state) {
   }
 }
 BENCHMARK(BM_Integrate)->Unit(benchmark::kMicrosecond);
-
-void BM_MrptInsert(benchmark::State& state) {
-  const HallDrive drive(0.2);
-  mrpt::maps::COccupancyGridMap2D map(-2.0F, 22.0F, -2.0F, 18.0F, 0.05F);
-  std::size_t i = 0;
-  for (auto _ : state) {
-    const ScanNode& node = drive.nodes[i++ % drive.nodes.size()];
-    const mrpt::poses::CPose3D pose(toPose3(node.T_map_base));
-    map.insertObservation(toMrpt(node.scan), pose);
-  }
-}
-BENCHMARK(BM_MrptInsert)->Unit(benchmark::kMicrosecond);
 
 void BM_CopyMap(benchmark::State& state) {
   const PatchMap map = mapOf(HallDrive(0.2).nodes, {});

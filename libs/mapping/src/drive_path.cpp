@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <cstdio>
 
 #include "scan_integrator.hpp"
 #include "vestibule/mapping/scan_matcher.hpp"
@@ -69,35 +68,6 @@ std::optional<Pose2> findInMap(
   const Pose2 T = matcher.refine(map, points, found, {found, anywhere.information}).T_map_base;
   if (matcher.fit(map, points, T).matched_share < kFoundShare) return std::nullopt;
   return T;
-}
-
-std::string g2oOf(const std::vector<Pose2>& path) {
-  std::string text;
-  char line[256];
-  for (std::size_t i = 0; i < path.size(); ++i) {
-    std::snprintf(
-        line, sizeof line, "VERTEX_SE2 %zu %.9f %.9f %.9f\n", i, path[i].x, path[i].y, path[i].phi);
-    text += line;
-  }
-  const double xy = 1.0 / (kEdgeSigma_m * kEdgeSigma_m);
-  const double yaw = 1.0 / (kEdgeSigma_rad * kEdgeSigma_rad);
-  for (std::size_t i = 1; i < path.size(); ++i) {
-    const Pose2 d = between(path[i - 1], path[i]);
-    std::snprintf(
-        line,
-        sizeof line,
-        "EDGE_SE2 %zu %zu %.9f %.9f %.9f %.6g 0 0 %.6g 0 %.6g\n",
-        i - 1,
-        i,
-        d.x,
-        d.y,
-        d.phi,
-        xy,
-        xy,
-        yaw);
-    text += line;
-  }
-  return text;
 }
 
 }  // namespace vestibule::mapping

@@ -68,6 +68,19 @@ PoseConstraint chainLink(
   return {k, k + 1, T, cov.inverse(), false};
 }
 
+std::vector<PoseConstraint> chainOf(
+    const std::vector<ScanNode>& nodes,
+    const std::vector<KeyScan>& keys,
+    const RefineParams& params,
+    std::size_t threads) {
+  std::vector<PoseConstraint> chain(keys.empty() ? 0 : keys.size() - 1);
+  const AlignmentParams alignment{params.sigma_m, params.gate_m, params.effective_points};
+  parallelFor(chain.size(), threads, [&](std::size_t k) {
+    chain[k] = chainLink(nodes, keys, k, alignment);
+  });
+  return chain;
+}
+
 }  // namespace
 
 void describe(ParamIo& io, ClosureParams& p) {
@@ -125,6 +138,15 @@ std::size_t FinishResult::count(ClosureVerdict verdict) const {
       }));
 }
 
+std::vector<PoseConstraint> chainOf(
+    const std::vector<ScanNode>& nodes,
+    const std::vector<std::size_t>& used,
+    const FinishParams& params) {
+  const std::size_t threads = threadCount(params.threads);
+  return chainOf(
+      nodes, keyScansAt(nodes, used, params.refine.max_range_m, threads), params.refine, threads);
+}
+
 FinishResult finishMap(
     std::vector<ScanNode> nodes, const FinishParams& params, const ShareDone& progress) {
   FinishResult result;
@@ -138,12 +160,7 @@ FinishResult finishMap(
     result.keys.push_back(key.node);
     poses.push_back(nodes[key.node].T_map_base);
   }
-  std::vector<PoseConstraint> chain(keys.size() - 1);
-  const AlignmentParams alignment{
-      params.refine.sigma_m, params.refine.gate_m, params.refine.effective_points};
-  parallelFor(chain.size(), threads, [&](std::size_t k) {
-    chain[k] = chainLink(nodes, keys, k, alignment);
-  });
+  const std::vector<PoseConstraint> chain = chainOf(nodes, keys, params.refine, threads);
   if (progress) progress(kChainDone);
 
   LoopCloser closer(keys, chain, params);

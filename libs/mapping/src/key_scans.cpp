@@ -19,13 +19,32 @@ constexpr double kRotFloor_rad = 0.02;
 
 }  // namespace
 
+std::vector<KeyScan> keyScansAt(
+    const std::vector<ScanNode>& nodes,
+    const std::vector<std::size_t>& chosen,
+    double max_range_m,
+    std::size_t threads) {
+  std::vector<std::optional<Contour>> contours(chosen.size());
+  parallelFor(chosen.size(), threads, [&](std::size_t k) {
+    contours[k].emplace(nodes[chosen[k]].scan, max_range_m);
+  });
+  std::vector<KeyScan> keys;
+  keys.reserve(chosen.size());
+  double path_m = 0.0;
+  std::size_t at = 0;
+  for (std::size_t k = 0; k < chosen.size(); ++k) {
+    for (; at < chosen[k]; ++at) {
+      path_m += distance(nodes[at].T_odom_base, nodes[at + 1].T_odom_base);
+    }
+    keys.push_back({chosen[k], std::move(*contours[k]), path_m});
+  }
+  return keys;
+}
+
 std::vector<KeyScan> selectKeyScans(
     const std::vector<ScanNode>& nodes, const KeyScanParams& params, std::size_t threads) {
   std::vector<std::size_t> chosen;
-  std::vector<double> paths;
-  double path_m = 0.0;
   for (std::size_t i = 0; i < nodes.size(); ++i) {
-    if (i > 0) path_m += distance(nodes[i - 1].T_odom_base, nodes[i].T_odom_base);
     if (!chosen.empty() && i + 1 < nodes.size()) {
       const Pose2 moved = between(nodes[chosen.back()].T_odom_base, nodes[i].T_odom_base);
       if (translationNorm(moved) < params.distance_m && std::abs(moved.phi) < params.angle_rad) {
@@ -33,18 +52,8 @@ std::vector<KeyScan> selectKeyScans(
       }
     }
     chosen.push_back(i);
-    paths.push_back(path_m);
   }
-  std::vector<std::optional<Contour>> contours(chosen.size());
-  parallelFor(chosen.size(), threads, [&](std::size_t k) {
-    contours[k].emplace(nodes[chosen[k]].scan, params.max_range_m);
-  });
-  std::vector<KeyScan> keys;
-  keys.reserve(chosen.size());
-  for (std::size_t k = 0; k < chosen.size(); ++k) {
-    keys.push_back({chosen[k], std::move(*contours[k]), paths[k]});
-  }
-  return keys;
+  return keyScansAt(nodes, chosen, params.max_range_m, threads);
 }
 
 RelativePrior odometryPrior(

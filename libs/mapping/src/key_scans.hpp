@@ -25,6 +25,14 @@ struct KeyScanParams {
 [[nodiscard]] std::vector<KeyScan> selectKeyScans(
     const std::vector<ScanNode>& nodes, const KeyScanParams& params, std::size_t threads);
 
+/// These scans as key scans.
+/// \param chosen  numbers of nodes, ascending
+[[nodiscard]] std::vector<KeyScan> keyScansAt(
+    const std::vector<ScanNode>& nodes,
+    const std::vector<std::size_t>& chosen,
+    double max_range_m,
+    std::size_t threads);
+
 /// What the odometry says about the motion from one key scan to a later one.
 [[nodiscard]] RelativePrior odometryPrior(
     const std::vector<ScanNode>& nodes, const KeyScan& from, const KeyScan& to);

@@ -41,6 +41,27 @@ double entropyOf(const PointCell& cell) {
   return -p * std::log2(p) - (1.0 - p) * std::log2(1.0 - p);
 }
 
+/// A thin thing whose end points the noise has spread over neighbouring cells: no single one of
+/// them is occupied, together they are. True for the cell with the most of them.
+bool spreadOut(const PatchMap& map, int ix, int iy) {
+  const PointCell middle = map.cell(ix, iy);
+  if (middle.hits == 0) return false;
+  int hits = 0;
+  for (int dy = -1; dy <= 1; ++dy) {
+    for (int dx = -1; dx <= 1; ++dx) {
+      const PointCell cell = map.cell(ix + dx, iy + dy);
+      const bool before = dy < 0 || (dy == 0 && dx < 0);
+      if (map.occupied(cell) || cell.hits > middle.hits || (before && cell.hits == middle.hits)) {
+        return false;
+      }
+      hits += cell.hits;
+    }
+  }
+  PointCell all = middle;
+  all.hits = static_cast<std::uint16_t>(std::min<int>(hits, middle.visits));
+  return map.occupied(all);
+}
+
 }  // namespace
 
 grid::OccupancyMap toOccupancyMap(const PatchMap& map, double margin_m) {
@@ -55,9 +76,9 @@ grid::OccupancyMap toOccupancyMap(const PatchMap& map, double margin_m) {
     for (int ix = box.x0; ix <= box.x1; ++ix) {
       const PointCell cell = map.cell(ix, iy);
       cells.push_back(
-          !cell.seen()         ? Cell::kUnknown
-          : map.occupied(cell) ? Cell::kOccupied
-                               : Cell::kFree);
+          !cell.seen()                                   ? Cell::kUnknown
+          : map.occupied(cell) || spreadOut(map, ix, iy) ? Cell::kOccupied
+                                                         : Cell::kFree);
     }
   }
   return grid::OccupancyMap::fromCells(

@@ -44,6 +44,7 @@ void describe(ParamIo& io, FilterParams& p) {
   io.optional("resample_below", p.resample_below, within(0.0, 1.0));
   io.optional("weight_power", p.weight_power, within(0.0, 1.0));
   io.optional("proposal_spread", p.proposal_spread, nonNegative());
+  io.optional("free_range_m", p.free_range_m, positive());
   io.optional("threads", p.threads, within(0, 256));
   io.section("map", p.map);
   io.section("odometry", p.odometry);

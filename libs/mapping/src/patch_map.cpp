@@ -13,10 +13,10 @@ std::uint16_t towards(std::uint16_t mean, double fraction, int hits) {
   return static_cast<std::uint16_t>(std::clamp(std::lround(moved), 0L, 65535L));
 }
 
-/// The ratio stays, newer scans count more.
-void forget(PointCell& cell) {
-  cell.visits = static_cast<std::uint16_t>(cell.visits / 2);
-  cell.hits = static_cast<std::uint16_t>(cell.hits / 2);
+/// Makes room for another count: the ratio stays, newer scans count more.
+void forget(std::uint16_t& visits, Patch::Ends& ends) {
+  visits = static_cast<std::uint16_t>(visits / 2);
+  ends.hits = static_cast<std::uint16_t>(ends.hits / 2);
 }
 
 }  // namespace
@@ -33,30 +33,35 @@ void PatchMap::Writer::addHit(double x_cells, double y_cells, bool counts) {
   const int ix = static_cast<int>(fx);
   const int iy = static_cast<int>(fy);
   Patch& patch = patchOf(ix, iy);
-  PointCell& cell = patch.cells[indexInPatch(ix, iy)];
+  if (!patch.ends) patch.ends = std::make_unique<std::array<Patch::Ends, Patch::kCells>>();
+  const std::size_t index = indexInPatch(ix, iy);
+  Patch::Ends& ends = (*patch.ends)[index];
   if (counts) {
-    if (cell.visits >= map_.max_count_) forget(cell);
-    ++cell.hits;
-    ++cell.visits;
+    if (patch.visits[index] >= map_.max_count_) forget(patch.visits[index], ends);
+    ++ends.hits;
+    ++patch.visits[index];
   }
-  const int weight = counts ? cell.hits : cell.hits + 1;
-  cell.mean_x = towards(cell.mean_x, x_cells - fx, weight);
-  cell.mean_y = towards(cell.mean_y, y_cells - fy, weight);
+  const int weight = counts ? ends.hits : ends.hits + 1;
+  ends.mean_x = towards(ends.mean_x, x_cells - fx, weight);
+  ends.mean_y = towards(ends.mean_y, y_cells - fy, weight);
   map_.refresh(patch, ix, iy);
 }
 
 void PatchMap::Writer::addFreeToWall(Patch& patch, int ix, int iy) {
-  PointCell& cell = patch.cells[indexInPatch(ix, iy)];
-  if (cell.visits >= map_.max_count_) forget(cell);
-  ++cell.visits;
+  const std::size_t index = indexInPatch(ix, iy);
+  if (patch.visits[index] >= map_.max_count_) forget(patch.visits[index], (*patch.ends)[index]);
+  ++patch.visits[index];
   map_.refresh(patch, ix, iy);
 }
 
 void PatchMap::refresh(Patch& patch, int ix, int iy) const {
   constexpr int kMask = Patch::kSide - 1;
-  std::uint32_t& row = patch.occupied_rows[static_cast<std::size_t>(iy & kMask)];
+  const auto row = static_cast<std::size_t>(iy & kMask);
   const std::uint32_t bit = 1U << static_cast<unsigned>(ix & kMask);
-  row = occupied(patch.cells[indexInPatch(ix, iy)]) ? row | bit : row & ~bit;
+  const PointCell cell = patch.cell(indexInPatch(ix, iy));
+  const auto set = [bit](std::uint32_t& bits, bool on) { bits = on ? bits | bit : bits & ~bit; };
+  set(patch.hit_rows[row], cell.hits > 0);
+  set(patch.occupied_rows[row], occupied(cell));
 }
 
 Patch& PatchMap::ownPatch(int px, int py) {

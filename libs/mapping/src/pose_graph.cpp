@@ -6,7 +6,6 @@
 #include <cassert>
 #include <cmath>
 #include <cstdio>
-#include <ostream>
 #include <string>
 
 #include "vestibule/core/angles.hpp"
@@ -223,17 +222,16 @@ std::vector<Pose2> stepped(
   return next;
 }
 
-void writeG2o(
-    std::ostream& out,
-    const std::vector<Pose2>& poses,
-    const std::vector<PoseConstraint>& constraints) {
+std::string g2oOf(
+    const std::vector<Pose2>& poses, const std::vector<PoseConstraint>& constraints) {
+  std::string text;
   std::array<char, 512> line{};
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const Pose2& T = poses[i];
     std::snprintf(line.data(), line.size(), "VERTEX_SE2 %zu %.9g %.9g %.9g\n", i, T.x, T.y, T.phi);
-    out << line.data();
+    text += line.data();
   }
-  if (!poses.empty()) out << "FIX 0\n";
+  if (!poses.empty()) text += "FIX 0\n";
   for (const PoseConstraint& c : constraints) {
     const Pose2& T = c.T_from_to;
     const Eigen::Matrix3d& I = c.information;
@@ -252,8 +250,9 @@ void writeG2o(
         I(1, 1),
         I(1, 2),
         I(2, 2));
-    out << line.data();
+    text += line.data();
   }
+  return text;
 }
 
 }  // namespace vestibule::mapping

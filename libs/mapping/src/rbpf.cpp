@@ -32,12 +32,16 @@ constexpr double kSearchSigmas = 3.0;  // of odometry, half side of the search
 constexpr double kSearchMargin_rad = degToRad(2.0);
 // A wider search finds something that fits by chance in most maps: it is believed only if nearly
 // all of the scan fits there, and much better than near the odometry.
+// It is made already when a fit is doubtful: a path that comes back beside an old one fits half.
+constexpr double kDoubtfulShare = 0.75;
 constexpr double kWideMatchedShare = 0.6;
 constexpr double kWideKnownShare = 0.85;
 constexpr double kWideGain = 0.25;  // of the log-likelihood per beam
 // The same for a match that the odometry excludes; closing a loop is one, and gains little at
 // first.
 constexpr double kSlipGain = 0.03;
+constexpr double kJump = 2.0;       // odometry between two updates, of what makes an update due
+constexpr double kStillGain = 0.1;  // as kWideGain, where only such a jump speaks against a place
 constexpr double kLongGap_s = 0.5;
 
 struct Particle {
@@ -75,7 +79,7 @@ class Filter : public mrpt::bayes::CParticleFilterData<Particle>,
         std::min(threadCount(params.threads), static_cast<std::size_t>(params.particles));
     for (std::size_t i = 0; i < threads; ++i) {
       matchers_.emplace_back(params.matcher);
-      integrators_.emplace_back(params.map);
+      integrators_.emplace_back(params.map, params.free_range_m);
     }
   }
 
@@ -226,6 +230,61 @@ struct Rbpf::Impl {
     return Eigen::Vector3d(trans * trans, trans * trans, rot * rot).asDiagonal();
   }
 
+  /// A place that was tried, and how the scan fits there.
+  struct Try {
+    Pose2 T_map_base;
+    ScanFit fit;
+
+    /// Nearly all of the scan fits there, and it is not in the unknown.
+    [[nodiscard]] bool sure() const {
+      return fit.matched_share >= kWideMatchedShare && fit.known_share >= kWideKnownShare;
+    }
+  };
+
+  Try attempt(const Particle& p, const PosePrior& around, double window_m, double window_rad) {
+    ScanMatcher& matcher = filter.matcher();
+    const Pose2 found = matcher.search(p.map, filter.step.points, around, window_m, window_rad);
+    const PosePrior free{around.mean, 1e-3 * around.information};
+    Try t;
+    t.T_map_base = matcher.refine(p.map, filter.step.points, found, free).T_map_base;
+    t.fit = matcher.fit(p.map, filter.step.points, t.T_map_base);
+    return t;
+  }
+
+  /// Where the scan fits the particle's map: near the odometry, else where the robot was before
+  /// (its wheels spun), else in a wide window.
+  Try findPlace(const Particle& p, const PosePrior& prior, double sigma_rad, double gap_s) {
+    const MatcherParams& m = params.matcher;
+    // In translation the window is for what the path has drifted when it comes back to a place,
+    // not only for the odometry since the last update.
+    Try best = attempt(
+        p,
+        prior,
+        m.window_m,
+        gap_s > kLongGap_s ? m.window_rad
+                           : std::min(m.window_rad, kSearchSigmas * sigma_rad + kSearchMargin_rad));
+    const bool jumped = trans_since_m > kJump * params.update_d_m ||
+                        std::abs(filter.step.T_previous_odometry.phi) > kJump * params.update_a_rad;
+    if (jumped && !best.sure()) {
+      PosePrior still;
+      still.mean = p.T_map_base;
+      still.information.diagonal() << std::pow(params.update_d_m, -2.0),
+          std::pow(params.update_d_m, -2.0), std::pow(params.update_a_rad, -2.0);
+      const Try here = attempt(p, still, m.window_m, kSearchSigmas * params.update_a_rad);
+      if (here.fit.log_likelihood > best.fit.log_likelihood + kStillGain * m.effective_beams) {
+        best = here;
+      }
+    }
+    if (best.fit.known_share < kDoubtfulShare) {
+      const Try wide = attempt(p, prior, m.wide_window_m, m.wide_window_rad);
+      if (wide.sure() &&
+          wide.fit.log_likelihood > best.fit.log_likelihood + kWideGain * m.effective_beams) {
+        best = wide;
+      }
+    }
+    return best;
+  }
+
   /// Matches the scan with the best particle's map: what all particles start from.
   MapReport lookAhead(const LaserScan& scan, double gap_s) {
     const MatcherParams& m = params.matcher;
@@ -235,35 +294,7 @@ struct Rbpf::Impl {
     PosePrior prior;
     prior.mean = compose(p.T_map_base, step.T_previous_odometry);
     prior.information = rotated(covariance.inverse(), p.T_map_base.phi);
-    ScanMatcher& matcher = filter.matcher();
-
-    struct Try {
-      Pose2 T;
-      ScanFit fit;
-    };
-    const PosePrior free{prior.mean, 1e-3 * prior.information};
-    const auto attempt = [&](double window_m, double window_rad) {
-      const Pose2 found = matcher.search(p.map, step.points, prior, window_m, window_rad);
-      Try t;
-      t.T = matcher.refine(p.map, step.points, found, free).T_map_base;
-      t.fit = matcher.fit(p.map, step.points, t.T);
-      return t;
-    };
-    const double sigma_rad = std::sqrt(covariance(2, 2));
-    const bool long_gap = gap_s > kLongGap_s;
-    // In translation the window is for what the path has drifted when it comes back to a place,
-    // not only for the odometry since the last update.
-    Try match = attempt(
-        m.window_m,
-        long_gap ? m.window_rad
-                 : std::min(m.window_rad, kSearchSigmas * sigma_rad + kSearchMargin_rad));
-    if (match.fit.known_share < m.poor_share) {
-      const Try wide = attempt(m.wide_window_m, m.wide_window_rad);
-      if (wide.fit.matched_share >= kWideMatchedShare && wide.fit.known_share >= kWideKnownShare &&
-          wide.fit.log_likelihood > match.fit.log_likelihood + kWideGain * m.effective_beams) {
-        match = wide;
-      }
-    }
+    Try match = findPlace(p, prior, std::sqrt(covariance(2, 2)), gap_s);
     // Directions in which the scan says nothing follow the odometry, so only a seen contradiction
     // counts, and only one that pays: people and open doors can make any place fit a little better.
     const auto againstOdometry = [&](const Pose2& T) {
@@ -272,11 +303,11 @@ struct Rbpf::Impl {
       return d.dot(prior.information * d);
     };
     MapReport report;
-    const double chi2 = againstOdometry(match.T);
+    const double chi2 = againstOdometry(match.T_map_base);
     if (chi2 > kSlipChi2) {
       Try stay;
-      stay.T = matcher.refine(p.map, step.points, prior.mean, prior).T_map_base;
-      stay.fit = matcher.fit(p.map, step.points, stay.T);
+      stay.T_map_base = filter.matcher().refine(p.map, step.points, prior.mean, prior).T_map_base;
+      stay.fit = filter.matcher().fit(p.map, step.points, stay.T_map_base);
       report.slipped =
           match.fit.known_share >= m.poor_share &&
           match.fit.log_likelihood > stay.fit.log_likelihood + kSlipGain * m.effective_beams;
@@ -287,7 +318,7 @@ struct Rbpf::Impl {
               scan.stamp,
               "mapping",
               "scan contradicts odometry",
-              distance(match.T, prior.mean),
+              distance(match.T_map_base, prior.mean),
               0.0});
         }
       } else {
@@ -295,7 +326,7 @@ struct Rbpf::Impl {
       }
     }
     report.known_share = match.fit.known_share;
-    step.T_previous_guess = between(p.T_map_base, match.T);
+    step.T_previous_guess = between(p.T_map_base, match.T_map_base);
     step.odometry_information = covariance.inverse();
     return report;
   }
@@ -509,7 +540,9 @@ std::size_t Rbpf::patchBytes() const {
       if (ref.get() != nullptr) patches.insert(ref.get());
     }
   }
-  return patches.size() * sizeof(Patch);
+  std::size_t bytes = 0;
+  for (const Patch* patch : patches) bytes += patch->bytes();
+  return bytes;
 }
 
 }  // namespace vestibule::mapping

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace vestibule::mapping {
 
-ScanIntegrator::ScanIntegrator(const FilterMapParams& params)
+ScanIntegrator::ScanIntegrator(const FilterMapParams& params, double free_range_m)
     : max_range_m_(params.max_range_m),
+      free_range_m_(free_range_m),
       half_(static_cast<int>(std::ceil(params.max_range_m / params.resolution_m)) + 2),
       words_((2 * half_ + 63) / 64),
       marks_(static_cast<std::size_t>(words_) * static_cast<std::size_t>(2 * half_), 0) {}
@@ -54,7 +54,10 @@ void ScanIntegrator::integrate(PatchMap& map, const LaserScan& scan, const Pose2
     }
     beams.push_back(beam);
   }
-  for (const Beam& beam : beams) castFree(writer, x, y, beam.dx, beam.dy, beam.length - 0.5);
+  const double reach_free = free_range_m_ * scale;
+  for (const Beam& beam : beams) {
+    castFree(writer, x, y, beam.dx, beam.dy, std::min(beam.length - 0.5, reach_free));
+  }
 
   const int reach = std::min(half_, static_cast<int>(farthest) + 2);
   std::fill(
@@ -63,30 +66,37 @@ void ScanIntegrator::integrate(PatchMap& map, const LaserScan& scan, const Pose2
       0);
 }
 
-// Amanatides & Woo, "A fast voxel traversal algorithm for ray tracing", 1987.
+// Column by column (row by row where the beam is steep): of each, the cell that the beam enters and
+// the one in which it leaves.
 void ScanIntegrator::castFree(
     PatchMap::Writer& map, double x, double y, double dx, double dy, double length) {
-  constexpr double kNever = std::numeric_limits<double>::infinity();
-  int ix = static_cast<int>(std::floor(x));
-  int iy = static_cast<int>(std::floor(y));
-  const int step_x = dx > 0.0 ? 1 : -1;
-  const int step_y = dy > 0.0 ? 1 : -1;
-  const double per_x = dx != 0.0 ? std::abs(1.0 / dx) : kNever;
-  const double per_y = dy != 0.0 ? std::abs(1.0 / dy) : kNever;
-  double next_x = dx != 0.0 ? (dx > 0.0 ? ix + 1 - x : x - ix) * per_x : kNever;
-  double next_y = dy != 0.0 ? (dy > 0.0 ? iy + 1 - y : y - iy) * per_y : kNever;
-  double at = 0.0;
-  while (at < length) {
+  if (length <= 0.0) return;
+  const bool steep = std::abs(dy) > std::abs(dx);
+  const double from = steep ? y : x;
+  const double along = steep ? dy : dx;
+  const double across = steep ? dx : dy;
+  const double other = steep ? x : y;
+  const int step = along > 0.0 ? 1 : -1;
+  const int end = static_cast<int>(std::floor(from + along * length));
+  const int last_row = static_cast<int>(std::floor(other + across * length));
+  int column = static_cast<int>(std::floor(from));
+  int row = static_cast<int>(std::floor(other));
+  // The other coordinate where the beam leaves the column, with 32 bits after the point.
+  constexpr double kOne = 4294967296.0;
+  const double border = column + (step > 0 ? 1 : 0) - from;
+  auto leaves = static_cast<std::int64_t>(std::floor((other + border * across / along) * kOne));
+  const auto slope = static_cast<std::int64_t>(across / std::abs(along) * kOne);
+  const auto visit = [&](int c, int r) {
+    const int ix = steep ? r : c;
+    const int iy = steep ? c : r;
     if (mark(ix, iy)) map.addFree(ix, iy);
-    if (next_x < next_y) {
-      at = next_x;
-      next_x += per_x;
-      ix += step_x;
-    } else {
-      at = next_y;
-      next_y += per_y;
-      iy += step_y;
-    }
+  };
+  for (;; column += step, leaves += slope) {
+    const int next = column == end ? last_row : static_cast<int>(leaves >> 32);
+    visit(column, row);
+    if (next != row) visit(column, next);
+    if (column == end) break;
+    row = next;
   }
 }
 

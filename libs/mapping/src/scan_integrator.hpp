@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "vestibule/mapping/params.hpp"
@@ -14,7 +15,10 @@ namespace vestibule::mapping {
 /// grazing beams would thin walls out. Holds scratch memory: one per thread.
 class ScanIntegrator {
  public:
-  explicit ScanIntegrator(const FilterMapParams& params);
+  /// \param free_range_m  free space farther from the laser is not written; walls are
+  explicit ScanIntegrator(
+      const FilterMapParams& params,
+      double free_range_m = std::numeric_limits<double>::infinity());
 
   void integrate(PatchMap& map, const LaserScan& scan, const Pose2& T_map_base);
 
@@ -24,6 +28,7 @@ class ScanIntegrator {
   void castFree(PatchMap::Writer& map, double x, double y, double dx, double dy, double length);
 
   double max_range_m_;
+  double free_range_m_;
   int half_;                          // of the window of marks [cells]
   int words_;                         // per row
   std::vector<std::uint64_t> marks_;  // around the laser

@@ -28,14 +28,16 @@ class MeanPointSum {
  public:
   MeanPointSum(double x, double y) : x_(x), y_(y) {}
 
-  void add(const PointCell& cell, int ix, int iy) {
+  /// \param ends  of the cell: Patch::Ends or PointCell
+  template <class EndPoints>
+  void add(const EndPoints& ends, int ix, int iy) {
     constexpr double kUnit = 1.0 / 65536.0;
-    const double mx = ix + kUnit * cell.mean_x;
-    const double my = iy + kUnit * cell.mean_y;
+    const double mx = ix + kUnit * ends.mean_x;
+    const double my = iy + kUnit * ends.mean_y;
     const double d2 = (mx - x_) * (mx - x_) + (my - y_) * (my - y_);
     if (d2 >= kKernelRadius2) return;
     const double falloff = 1.0 - d2 / kKernelRadius2;
-    const double w = falloff * falloff * std::min<int>(cell.hits, kHitsCounted);
+    const double w = falloff * falloff * std::min<int>(ends.hits, kHitsCounted);
     sum_ += w;
     sum_x_ += w * mx;
     sum_y_ += w * my;
@@ -68,9 +70,9 @@ MeanPoint meanPointNear(const PatchMap& map, double x, double y) {
                                   static_cast<unsigned>(lx - 1)) &
                                  7U;
       if (bits == 0) continue;
-      const PointCell* cells = &patch->cells[PatchMap::indexInPatch(ix - 1, row)];
+      const Patch::Ends* ends = &(*patch->ends)[PatchMap::indexInPatch(ix - 1, row)];
       for (int k = 0; k < 3; ++k) {
-        if ((bits >> static_cast<unsigned>(k) & 1U) != 0) sum.add(cells[k], ix - 1 + k, row);
+        if ((bits >> static_cast<unsigned>(k) & 1U) != 0) sum.add(ends[k], ix - 1 + k, row);
       }
     }
     return sum.mean();

@@ -6,6 +6,7 @@
 #include "room.hpp"
 #include "vestibule/mapping/deskew.hpp"
 #include "vestibule/mapping/drive_path.hpp"
+#include "vestibule/mapping/finish.hpp"
 #include "vestibule/mapping/gmapping_names.hpp"
 #include "vestibule/mapping/map_quality.hpp"
 #include "vestibule/mapping/mapping_params.hpp"
@@ -61,12 +62,25 @@ TEST(DrivePath, SpreadsWhatTheOdometryIsOffOverTheWay) {
   EXPECT_NEAR(nodes[5].T_map_base.x, 6.0, 1e-12);
 }
 
-TEST(DrivePath, G2oHasAVertexPerPoseAndAnEdgePerStep) {
-  const std::string text = g2oOf({{0, 0, 0}, {1, 0, kPi / 2}, {1, 2, kPi / 2}});
-  EXPECT_THAT(text, testing::HasSubstr("VERTEX_SE2 1 1.000000000 0.000000000 1.570796327\n"));
-  EXPECT_THAT(
-      text,
-      testing::HasSubstr("EDGE_SE2 1 2 2.000000000 0.000000000 0.000000000 2500 0 0 2500 0 "));
+TEST(DrivePath, LinksAreSureWhereScansShowItAndLooseWhereTheyContradict) {
+  const RoomDrive drive(30);
+  std::vector<ScanNode> nodes;
+  for (std::size_t i = 0; i < 30; ++i) {
+    nodes.push_back({drive.scans[i], drive.T_odom_base[i], drive.T_map_base[i]});
+  }
+  const std::vector<std::size_t> used{0, 10, 20};
+  const auto chain = chainOf(nodes, used, {});
+  ASSERT_EQ(chain.size(), 2U);
+  EXPECT_EQ(chain[1].from, 1U);
+  EXPECT_EQ(chain[1].to, 2U);
+  EXPECT_LT(
+      distance(chain[1].T_from_to, between(drive.T_map_base[10], drive.T_map_base[20])), 1e-9);
+  EXPECT_GT(chain[1].information(0, 0), 100.0);  // 0.1 m
+  // WHEN the estimate of the last one is a metre off
+  nodes[20].T_map_base = compose(nodes[20].T_map_base, {1.0, 0.0, 0.3});
+  const auto bent = chainOf(nodes, used, {});
+  EXPECT_LT(bent[1].information(0, 0), 0.1 * chain[1].information(0, 0));
+  EXPECT_EQ(bent[0].information, chain[0].information);
 }
 
 TEST(DrivePath, FindsTheStartInAMap) {
@@ -128,6 +142,24 @@ TEST(MapQuality, AThinPoleStaysInTheMap) {
   EXPECT_EQ(map.at({6.005, 2.005}), grid::Cell::kOccupied);
   EXPECT_EQ(map.at({5.5, 2.3}), grid::Cell::kFree);
   EXPECT_EQ(map.at({-1.0, 2.0}), grid::Cell::kUnknown);
+}
+
+TEST(MapQuality, EndPointsSpreadOverCellsMakeOneOfThemOccupied) {
+  PatchMap map(0.05, 0.25);
+  PatchMap::Writer writer(map);
+  // GIVEN a pole that 3 of 10 scans saw in two neighbouring cells, in neither often enough
+  const auto look = [&](int hits, int through, int ix) {
+    for (int i = 0; i < hits; ++i) writer.addHit(ix + 0.5, 10.5);
+    for (int i = 0; i < through; ++i) writer.addFree(ix, 10);
+  };
+  look(2, 8, 10);
+  look(1, 9, 11);
+  // AND a person who crossed a cell once
+  look(1, 9, 20);
+  const grid::OccupancyMap drawn = toOccupancyMap(map, 0.2);
+  EXPECT_EQ(drawn.at({0.525, 0.525}), grid::Cell::kOccupied);
+  EXPECT_EQ(drawn.at({0.575, 0.525}), grid::Cell::kFree);
+  EXPECT_EQ(drawn.at({1.025, 0.525}), grid::Cell::kFree);
 }
 
 TEST(GmappingNames, AreReadAndWrittenIntoTheFilter) {

@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
-#include <sstream>
 
 #include "matchers.hpp"
 #include "vestibule/core/angles.hpp"
@@ -120,12 +119,10 @@ TEST(PoseGraph, SmallGraphsAreFine) {
 }
 
 TEST(PoseGraph, G2oHasVerticesAndUpperTriangles) {
-  std::ostringstream out;
   Eigen::Matrix3d I;
   I << 1, 2, 3, 2, 4, 5, 3, 5, 6;
-  writeG2o(out, {{0, 0, 0}, {1.5, -2, 0.25}}, {{0, 1, {1.5, -2, 0.25}, I, false}});
   EXPECT_EQ(
-      out.str(),
+      g2oOf({{0, 0, 0}, {1.5, -2, 0.25}}, {{0, 1, {1.5, -2, 0.25}, I, false}}),
       "VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1.5 -2 0.25\nFIX 0\n"
       "EDGE_SE2 0 1 1.5 -2 0.25 1 2 3 4 5 6\n");
 }

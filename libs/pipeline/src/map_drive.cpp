@@ -2,7 +2,6 @@
 #include <cmath>
 #include <filesystem>
 #include <map>
-#include <sstream>
 
 #include "drive_odometry.hpp"
 #include "map_journal.hpp"
@@ -200,24 +199,31 @@ class Drive {
     std::vector<std::size_t> used = usedScans();
     const std::vector<Pose2> path = filter_.bestPath();
     mapping::spreadPath(nodes_, used, path);
-    mapping::PatchMap map = filter_.bestMap();
-    std::string graph_g2o = mapping::g2oOf(path);
+    std::vector<mapping::PoseConstraint> graph;
     std::optional<mapping::FinishResult> finished;
     if (options_.finish) {
-      finished = finish(map, graph_g2o);
+      finished = finish();
       used = finished->keys;
+      graph = finished->graph;
+    } else {
+      graph = mapping::chainOf(nodes_, used, config_.mapping.finish);
     }
+    std::vector<io::MapFrame> frames = options_.before;
+    int session = 1;
+    for (const io::MapFrame& f : frames) session = std::max(session, f.session + 1);
+    std::vector<Pose2> poses;
+    for (const std::size_t i : used) {
+      frames.push_back({nodes_[i].T_map_base, nodes_[i].scan, session});
+      poses.push_back(nodes_[i].T_map_base);
+    }
+    // Drawn anew: the particles' maps lack the free space that is far from the robot.
+    const mapping::PatchMap map = mapping::mapOf(nodesOf(frames), config_.mapping.filter.map);
     MapDriveResult r(mapping::toOccupancyMap(map, config_.mapping.known_poses.margin_m));
     r.trajectory = inFileOrder();
     r.quality = mapping::judgeMap(map, heldOut(used), config_.mapping.filter.matcher);
-    r.graph_g2o = std::move(graph_g2o);
+    r.graph_g2o = mapping::g2oOf(poses, graph);
     r.finished = std::move(finished);
-    r.frames = options_.before;
-    int session = 1;
-    for (const io::MapFrame& f : r.frames) session = std::max(session, f.session + 1);
-    for (const std::size_t i : used) {
-      r.frames.push_back({nodes_[i].T_map_base, nodes_[i].scan, session});
-    }
+    r.frames = std::move(frames);
     for (const mapping::Generation& g : filter_.generations()) {
       r.updates.push_back({nodes_[g.scan].scan.stamp, g.report});
     }
@@ -233,24 +239,14 @@ class Drive {
     return r;
   }
 
-  /// Corrects all nodes; map and graph become those of the key scans.
-  mapping::FinishResult finish(mapping::PatchMap& map, std::string& graph_g2o) {
+  /// Corrects all nodes.
+  mapping::FinishResult finish() {
     if (options_.finishing) options_.finishing();
     mapping::FinishResult finished =
         mapping::finishMap(std::move(nodes_), config_.mapping.finish, [this](double share) {
           progress_(share, toSeconds(last_ - first_));
         });
     nodes_ = std::move(finished.nodes);
-    std::vector<mapping::ScanNode> keys;
-    std::vector<Pose2> poses;
-    for (const std::size_t i : finished.keys) {
-      keys.push_back(nodes_[i]);
-      poses.push_back(nodes_[i].T_map_base);
-    }
-    map = mapping::mapOf(keys, config_.mapping.filter.map);
-    std::ostringstream graph;
-    mapping::writeG2o(graph, poses, finished.graph);
-    graph_g2o = graph.str();
     return finished;
   }
 

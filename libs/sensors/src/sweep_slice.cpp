@@ -15,6 +15,8 @@ constexpr double kSupport_m = 0.25;       // two echoes of one obstacle: along t
 constexpr double kFootHeight_m = 0.5;     // so much of an obstacle tells how it leans, ...
 constexpr double kMinLean_m = 0.15;       // ... but not less than this, ...
 constexpr double kMinLean = 0.2;          // ... and less than this, run by rise, is upright
+constexpr double kMaxLean = 1.2;          // run by rise; more is not one steep surface
+constexpr double kHiddenHeight_m = 0.3;   // lowest echo so far above and behind the ground seen
 constexpr double kMaxFootShift_m = 0.6;   // it is followed down to its foot this far
 
 /// An echo in the vertical plane of its direction.
@@ -26,10 +28,30 @@ struct Echo {
   double foot_m = 0.0;  // where the obstacle stands
 };
 
+/// Of an obstacle whose foot is out of sight, the lowest echoes lean away: it may stand anywhere
+/// nearer. So looks a slope from close by, over which only its upper edge shows.
+bool leansAtTheBottom(const std::vector<Echo>& echoes, std::size_t first, std::size_t last) {
+  const Echo& lowest = echoes[first];
+  for (std::size_t i = first + 1; i < last; ++i) {
+    const double rise = echoes[i].z_m - lowest.z_m;
+    const double run = echoes[i].r_m - lowest.r_m;
+    // What lies farther back is not the same surface: a wall behind a pole.
+    if (rise >= kMinLean_m && run < kMaxLean * rise) return run > kMinLean * rise;
+  }
+  return false;
+}
+
 /// Where an obstacle stands that is seen as echoes [first, last), one above the other, on ground of
 /// height ground_z: a leaning surface is followed down to the ground, a vertical one is there
 /// already.
-void setFeet(std::vector<Echo>& echoes, std::size_t first, std::size_t last, double ground_z) {
+/// \param ground_r  ground was seen up to here
+/// \return false: it cannot be told
+bool setFeet(
+    std::vector<Echo>& echoes,
+    std::size_t first,
+    std::size_t last,
+    double ground_r,
+    double ground_z) {
   double n = 0.0, sum_z = 0.0, sum_r = 0.0, sum_zz = 0.0, sum_zr = 0.0;
   double top_z = echoes[first].z_m;
   for (std::size_t i = first; i < last; ++i) {
@@ -44,9 +66,13 @@ void setFeet(std::vector<Echo>& echoes, std::size_t first, std::size_t last, dou
     sum_zr += z * echoes[i].r_m;
   }
   const double spread = n * sum_zz - sum_z * sum_z;
-  if (n < 2.0 || top_z - echoes[first].z_m < kMinLean_m || spread <= 0.0) return;
+  if (n < 2.0 || top_z - echoes[first].z_m < kMinLean_m || spread <= 0.0) return true;
   const double lean = (n * sum_zr - sum_z * sum_r) / spread;
-  if (lean < kMinLean) return;
+  if (lean < kMinLean) {
+    const bool hidden = echoes[first].z_m - ground_z > kHiddenHeight_m &&
+                        echoes[first].r_m - ground_r > kHiddenHeight_m;
+    return !(hidden && leansAtTheBottom(echoes, first, last));
+  }
   const double r_first = (sum_r - lean * sum_z) / n;
   const double shift = lean * (echoes[first].z_m - ground_z);
   const double foot = r_first - std::clamp(shift, 0.0, kMaxFootShift_m);
@@ -55,6 +81,7 @@ void setFeet(std::vector<Echo>& echoes, std::size_t first, std::size_t last, dou
     const double on_it = r_first + lean * (echoes[i].z_m - echoes[first].z_m);
     if (std::abs(echoes[i].r_m - on_it) < kSupport_m) echoes[i].foot_m = foot;
   }
+  return true;
 }
 
 /// Marks the obstacles of one direction. \param echoes by elevation
@@ -64,19 +91,22 @@ void findObstacles(std::vector<Echo>& echoes, const SliceParams& p) {
   double ground_z = 0.0;
   std::vector<bool> steep(echoes.size(), false);
   for (std::size_t i = 0; i < echoes.size(); ++i) {
-    // The next echo above it that is far enough to tell an inclination.
-    std::size_t next = i + 1;
-    double step = 0.0;
-    while (next < echoes.size()) {
-      step = std::hypot(echoes[next].r_m - echoes[i].r_m, echoes[next].z_m - echoes[i].z_m);
-      if (step >= kMinStep_m) break;
-      ++next;
+    // The next echoes above it that are far enough to tell an inclination: the nearest for low
+    // things, farther ones because range noise bends short steps.
+    for (const double least : {kMinStep_m, 2.0 * kMinStep_m, 4.0 * kMinStep_m}) {
+      std::size_t next = i + 1;
+      double step = 0.0;
+      while (next < echoes.size()) {
+        step = std::hypot(echoes[next].r_m - echoes[i].r_m, echoes[next].z_m - echoes[i].z_m);
+        if (step >= least) break;
+        ++next;
+      }
+      const double reach = std::max(kMaxStep_m, kMaxStepPerRange * echoes[i].r_m);
+      if (next == echoes.size() || step > reach) continue;
+      const double rise = echoes[next].z_m - echoes[i].z_m;
+      if (rise <= 0.0 || rise <= max_rise * (echoes[next].r_m - echoes[i].r_m)) continue;
+      for (std::size_t k = i; k <= next; ++k) steep[k] = true;
     }
-    const double reach = std::max(kMaxStep_m, kMaxStepPerRange * echoes[i].r_m);
-    if (next == echoes.size() || step > reach) continue;
-    const double rise = echoes[next].z_m - echoes[i].z_m;
-    if (rise <= 0.0 || rise <= max_rise * (echoes[next].r_m - echoes[i].r_m)) continue;
-    for (std::size_t k = i; k <= next; ++k) steep[k] = true;
   }
   std::size_t i = 0;
   while (i < echoes.size()) {
@@ -93,7 +123,8 @@ void findObstacles(std::vector<Echo>& echoes, const SliceParams& p) {
     }
     std::size_t last = i + 1;
     while (last < echoes.size() && steep[i] && steep[last]) ++last;
-    setFeet(echoes, i, last, ground_z);
+    // Nothing is known of this direction any more, neither a wall nor free space.
+    if (!setFeet(echoes, i, last, ground_r, ground_z)) return;
     for (; i < last; ++i) {
       const double height = echoes[i].z_m - ground_z;
       echoes[i].obstacle = height >= p.min_height_m && height <= p.max_height_m;

@@ -2,7 +2,6 @@
 
 #include <cstddef>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "vestibule/mapping/params.hpp"
@@ -26,11 +25,5 @@ void spreadPath(
 /// Where in a map a scan was taken, searched in all of it; empty when it fits nowhere well.
 [[nodiscard]] std::optional<Pose2> findInMap(
     const PatchMap& map, const LaserScan& scan, const MatcherParams& params);
-
-/// The used scans as a pose graph in g2o's text format: VERTEX_SE2 and, between consecutive ones,
-/// EDGE_SE2 with the sigmas of a scan match, kEdgeSigma_m and kEdgeSigma_rad.
-inline constexpr double kEdgeSigma_m = 0.02;
-inline constexpr double kEdgeSigma_rad = degToRad(0.3);
-[[nodiscard]] std::string g2oOf(const std::vector<Pose2>& path);
 
 }  // namespace vestibule::mapping

@@ -93,6 +93,14 @@ struct FinishResult {
   [[nodiscard]] std::size_t count(ClosureVerdict verdict) const;
 };
 
+/// Each used scan seen from the one before it: the relative pose as estimated, its certainty from
+/// both scans and the odometry. A link that the scans contradict is left loose.
+/// \param used  numbers of the used scans, ascending; from and to of the links count in it
+[[nodiscard]] std::vector<PoseConstraint> chainOf(
+    const std::vector<ScanNode>& nodes,
+    const std::vector<std::size_t>& used,
+    const FinishParams& params);
+
 /// Corrects a drive that was mapped: finds places seen again, fits all poses to that (pose graph
 /// with robust weights), then refines all poses together on the surfaces that scans share.
 /// \param nodes  in the order of the drive, with an estimate that is right from scan to scan; it

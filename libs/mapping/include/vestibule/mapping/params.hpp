@@ -53,7 +53,9 @@ struct FilterParams {
   /// of the scan's likelihood in the weights; smaller: fewer resamplings, more hypotheses kept
   double weight_power = 0.25;
   double proposal_spread = 1.0;  ///< of the samples, times the proposal's sigma
-  int threads = 0;               ///< 0 = one per core; the result does not depend on it
+  /// [m] free space farther from the laser is left to the map that is drawn of the best path
+  double free_range_m = 15.0;
+  int threads = 0;  ///< 0 = one per core; the result does not depend on it
   FilterMapParams map;
   OdometryNoise odometry;
   MatcherParams matcher;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -25,18 +26,41 @@ struct PointCell {
   }
 };
 
-/// 32 x 32 cells and a bit per occupied one.
+/// 32 x 32 cells. Free space, most of any map, costs a count per cell; what walls need more is
+/// there from the first end point on.
 struct Patch {
   static constexpr int kBits = 5;
   static constexpr int kSide = 1 << kBits;
+  static constexpr std::size_t kCells = std::size_t{kSide} * kSide;
+
+  /// What a cell with end points holds besides its visits.
+  struct Ends {
+    std::uint16_t hits = 0;
+    std::uint16_t mean_x = 0;
+    std::uint16_t mean_y = 0;
+  };
 
   Patch() = default;
-  Patch(const Patch& other) : cells(other.cells), occupied_rows(other.occupied_rows) {}
+  Patch(const Patch& other)
+      : visits(other.visits), hit_rows(other.hit_rows), occupied_rows(other.occupied_rows) {
+    if (other.ends) ends = std::make_unique<std::array<Ends, kCells>>(*other.ends);
+  }
   Patch& operator=(const Patch&) = delete;
   ~Patch() = default;
 
-  std::array<PointCell, static_cast<std::size_t>(kSide) * kSide> cells{};
-  std::array<std::uint32_t, kSide> occupied_rows{};
+  [[nodiscard]] PointCell cell(std::size_t index) const {
+    if (!ends) return {0, visits[index], 0, 0};
+    const Ends& e = (*ends)[index];
+    return {e.hits, visits[index], e.mean_x, e.mean_y};
+  }
+  [[nodiscard]] std::size_t bytes() const {
+    return sizeof(Patch) + (ends ? sizeof(*ends) : std::size_t{0});
+  }
+
+  std::array<std::uint16_t, kCells> visits{};
+  std::array<std::uint32_t, kSide> hit_rows{};       ///< a bit per cell that has end points
+  std::array<std::uint32_t, kSide> occupied_rows{};  ///< a bit per occupied cell
+  std::unique_ptr<std::array<Ends, kCells>> ends;    ///< null: no end point in the patch
   std::atomic<std::uint32_t> owners{1};
 };
 
@@ -105,7 +129,7 @@ class PatchMap {
   }
   [[nodiscard]] PointCell cell(int ix, int iy) const {
     const Patch* p = patch(ix >> Patch::kBits, iy >> Patch::kBits);
-    return p == nullptr ? PointCell{} : p->cells[indexInPatch(ix, iy)];
+    return p == nullptr ? PointCell{} : p->cell(indexInPatch(ix, iy));
   }
   [[nodiscard]] static std::size_t indexInPatch(int ix, int iy) {
     constexpr int kMask = Patch::kSide - 1;
@@ -123,12 +147,13 @@ class PatchMap {
     /// A beam went through.
     void addFree(int ix, int iy) {
       Patch& patch = patchOf(ix, iy);
-      PointCell& cell = patch.cells[indexInPatch(ix, iy)];
-      if (cell.hits == 0 && cell.visits < map_.max_count_) {
-        ++cell.visits;
-      } else if (cell.hits > 0) {
+      const auto row = static_cast<std::size_t>(iy & (Patch::kSide - 1));
+      if ((patch.hit_rows[row] >> static_cast<unsigned>(ix & (Patch::kSide - 1)) & 1U) != 0) {
         addFreeToWall(patch, ix, iy);
+        return;
       }
+      std::uint16_t& visits = patch.visits[indexInPatch(ix, iy)];
+      if (visits < map_.max_count_) ++visits;
     }
 
    private:

@@ -2,7 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstddef>
-#include <iosfwd>
+#include <string>
 #include <vector>
 
 #include "vestibule/core/frames.hpp"
@@ -61,10 +61,8 @@ struct PairQuadratic {
 [[nodiscard]] std::vector<Pose2> stepped(
     const std::vector<Pose2>& poses, const std::vector<PairQuadratic>& pairs, double damping);
 
-/// Writes VERTEX_SE2 and EDGE_SE2 lines as g2o reads them.
-void writeG2o(
-    std::ostream& out,
-    const std::vector<Pose2>& poses,
-    const std::vector<PoseConstraint>& constraints);
+/// VERTEX_SE2 and EDGE_SE2 lines as g2o reads them.
+[[nodiscard]] std::string g2oOf(
+    const std::vector<Pose2>& poses, const std::vector<PoseConstraint>& constraints);
 
 }  // namespace vestibule::mapping
