@@ -222,7 +222,11 @@ PoseWithCovariance Localizer::pose() const {
             .asDiagonal();
     return {s.T_map_fitting.value_or(Pose2{}), cov};
   }
-  PoseWithCovariance pose{places.front().T_map_base.mean, Eigen::Matrix3d::Zero()};
+  // A track that has stopped fitting stays the best guess until a place is found: no jumping from
+  // candidate to candidate.
+  PoseWithCovariance pose{
+      s.tracking ? s.particles.pose().mean : places.front().T_map_base.mean,
+      Eigen::Matrix3d::Zero()};
   for (const Place& p : places) {
     const Pose2& T = p.T_map_base.mean;
     const Eigen::Vector3d off(

@@ -20,6 +20,8 @@ constexpr double kGrazing_m = 1.5;
 // are, too, well before its end.
 constexpr double kRaySide_m = 0.10;
 constexpr double kRayMargin_m = 0.30;
+// Smeared walls of some maps are as thick as this; deeper inside a block nothing can be seen.
+constexpr double kThickWall_m = 0.6;
 // Lidars promise a little more than they reach.
 constexpr double kSureReach = 0.95;
 
@@ -317,12 +319,23 @@ std::optional<Point2> ScanFitter::obstacleBefore(
   const double reach_m =
       std::hypot(p_map_end.x - p_map_laser.x, p_map_end.y - p_map_laser.y) - margin_m;
   if (reach_m <= 0.0) return std::nullopt;
+  // Some maps have thick walls, and beams end within them.
+  const auto goes_on = [&](const Point2& from, double range_m) {
+    const double thin_m = 1.5 * resolution_m_;
+    if (reach_m + margin_m - range_m > kThickWall_m) return false;
+    for (double at_m = range_m; at_m < reach_m + margin_m; at_m += resolution_m_) {
+      const Point2 p = transform(inverse(T_map_cells_), {from.x + at_m * c, from.y + at_m * s});
+      if (interpolated(p).d_m > thin_m) return false;
+    }
+    return true;
+  };
   Point2 obstacle;
   double passed_m = -1.0;  // of the ray that gets farthest
   for (const double side_m : {0.0, kRaySide_m, -kRaySide_m}) {
     const Point2 from{p_map_laser.x - side_m * s, p_map_laser.y + side_m * c};
     const double range_m = rays_.range(from, yaw, reach_m);
     if (range_m >= reach_m) return std::nullopt;
+    if (margin_m > 0.0 && goes_on(from, range_m)) return std::nullopt;
     if (range_m <= passed_m) continue;
     passed_m = range_m;
     obstacle = {from.x + range_m * c, from.y + range_m * s};
