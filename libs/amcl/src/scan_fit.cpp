@@ -21,7 +21,7 @@ constexpr double kGrazing_m = 1.5;
 constexpr double kRaySide_m = 0.10;
 constexpr double kRayMargin_m = 0.30;
 // Smeared walls of some maps are as thick as this; deeper inside a block nothing can be seen.
-constexpr double kThickWall_m = 0.6;
+constexpr double kThickWall_m = 1.0;
 // Lidars promise a little more than they reach.
 constexpr double kSureReach = 0.95;
 
