@@ -84,6 +84,21 @@ const char* toString(pipeline::LostOutcome outcome) {
 
 Json toJson(const Pose2& T) { return {rounded(T.x, 4), rounded(T.y, 4), rounded(T.phi, 5)}; }
 
+/// The candidates that were left, best first.
+Json placesJson(const std::vector<amcl::Place>& places) {
+  constexpr std::size_t kMost = 5;
+  Json list = Json::array();
+  for (std::size_t i = 0; i < std::min(kMost, places.size()); ++i) {
+    Json p;
+    p["pose"] = toJson(places[i].T_map_base.mean);
+    p["weight"] = rounded(places[i].weight, 6);
+    p["inlier_share"] = rounded(places[i].inlier_share, 3);
+    p["blocked_share"] = rounded(places[i].blocked_share, 3);
+    list.push_back(p);
+  }
+  return list;
+}
+
 using Bench = std::vector<pipeline::LostTrial> (*)(
     const pipeline::LostPlace&,
     const pipeline::Config&,
@@ -131,6 +146,10 @@ void runLost(const std::string& command, Bench bench, const Arguments& args, int
       t["error_deg"] = rounded(radToDeg(trial.error_rad), 3);
       t["driven_m"] = rounded(trial.driven_m, 3);
       t["searches"] = trial.searches;
+      if (trial.outcome != pipeline::LostOutcome::kRight) {
+        t["state"] = std::string(amcl::toString(trial.state));
+        t["places"] = placesJson(trial.places);
+      }
       list.push_back(t);
     }
     table.push_back(

@@ -15,6 +15,7 @@ namespace vestibule::amcl {
 namespace {
 
 constexpr std::size_t kEndsPerKey = 90;
+constexpr std::size_t kGapsPerKey = 40;
 constexpr std::size_t kMinEnds = 12;      // fewer tell nothing
 constexpr double kEndSpacing_m = 0.08;    // of the ends kept for the evidence
 constexpr double kPointSpacing_m = 0.25;  // of the points that are searched with
@@ -32,6 +33,8 @@ constexpr double kSearchSpan_m = 3.0;
 constexpr double kHopelessInliers = 0.3;
 // Shares of fitting beams that differ by less say the same.
 constexpr double kFitsAsWell = 0.03;
+// A place must be so much more likely when another one fits more of the beams.
+constexpr double kDoubtfulAdvantage = 2.0;
 // Two places nearer than this are one.
 constexpr double kSame_m = 0.35;
 constexpr double kSame_rad = degToRad(12.0);
@@ -40,16 +43,20 @@ constexpr double kPriorScorePerNis = 0.002;
 
 /// A scan that counts.
 struct Key {
-  std::vector<Point2> ends_base;
+  ScanEnds ends;
   std::vector<double> news;  // how much each end adds to what earlier keys have seen
+  std::vector<Point2> gaps_base;
   Point2 p_base_laser;
   Pose2 T_odom_base;
 };
 
 /// A place with its evidence, key by key.
 struct Hypothesis {
+  explicit Hypothesis(double surface_m) : missing(surface_m) {}
+
   PoseWithCovariance T_map_base;  // at the newest key
   std::vector<ScanFit> fits;      // one per key
+  Views missing;                  // of squares of mapped surface that should have been seen
   std::vector<double> strain;     // half the squared Mahalanobis distance to odometry, per key
   double log_evidence = 0.0;
   double inlier_share = 0.0;
@@ -87,8 +94,8 @@ struct GlobalLocalizer::Impl {
   std::optional<grid::SearchWindow> zone;  // of the pose at start
   Pose2 T_odom_base;                       // odom: the pose at start
   std::vector<Key> keys;
-  std::map<std::pair<long, long>, int> views;  // of squares of surface, in odom
-  std::vector<Hypothesis> hypotheses;          // best first
+  Views seen;                          // of surface in odom
+  std::vector<Hypothesis> hypotheses;  // best first
   double travelled_m = 0.0;
   double searched_at_m = 0.0;
   double next_search_m = 0.0;  // of travel after the last one
@@ -102,9 +109,14 @@ struct GlobalLocalizer::Impl {
         field(grid::ScoreField::fromDistances(
             *map, fitter.distances(), params.sigma_m, params.cell_m, params.max_range_m)),
         free_space(grid::BaseMask::freeSpace(field, *map)),
-        matcher(params.search) {}
+        matcher(params.search),
+        seen(params.surface_m) {}
 
-  void addKey(const LaserScan& scan, std::vector<Point2> ends) {
+  [[nodiscard]] ScanEnds endsOf(const LaserScan& scan) const {
+    return spreadEnds(scan, params.max_range_m, kEndSpacing_m, kEndsPerKey, params.small_m);
+  }
+
+  void addKey(const LaserScan& scan, ScanEnds ends) {
     if (keys.size() == static_cast<std::size_t>(params.max_keys)) {
       keys.erase(keys.begin());
       for (Hypothesis& h : hypotheses) {
@@ -113,10 +125,18 @@ struct GlobalLocalizer::Impl {
       }
     }
     const Pose2 step = keys.empty() ? Pose2{} : between(keys.back().T_odom_base, T_odom_base);
-    std::vector<double> news = newsOf(ends);
+    std::vector<double> news;
+    for (std::size_t i = 0; i < ends.p_base.size(); ++i) {
+      const Point2 p = transform(T_odom_base, ends.p_base[i]);
+      news.push_back(
+          (ends.follows[i] != 0 ? seen.newsOf(transform(T_odom_base, ends.p_base[i - 1]), p)
+                                : seen.newsOf(p)) *
+          (ends.stand_out[i] != 0 ? params.movable_share : 1.0));
+    }
     keys.push_back(
         {std::move(ends),
          std::move(news),
+         spreadGaps(scan, params.max_range_m, kGapsPerKey),
          {scan.T_base_laser.x, scan.T_base_laser.y},
          T_odom_base});
     ++counted;
@@ -125,22 +145,14 @@ struct GlobalLocalizer::Impl {
     });
   }
 
-  /// Counts the views of every square of surface.
-  std::vector<double> newsOf(const std::vector<Point2>& ends) {
-    std::vector<double> news;
-    for (const Point2& end : ends) {
-      const Point2 p = transform(T_odom_base, end);
-      const double n =
-          ++views[{std::lround(p.x / params.surface_m), std::lround(p.y / params.surface_m)}];
-      news.push_back(1.0 / (n * n));
-    }
-    return news;
-  }
-
   /// One more key at the newer end.
   void extend(Hypothesis& h, const Pose2& step) const {
     const Pose2 predicted = compose(h.T_map_base.mean, step);
     hold(h, keys.size() - 1, predicted, odometryInformation(step), true);
+  }
+
+  [[nodiscard]] ScanFit fitAt(const Key& key, const Pose2& T_map_base, Views& missing) const {
+    return fitter.fit(key.ends, key.news, key.gaps_base, key.p_base_laser, T_map_base, missing);
   }
 
   /// Refines the pose of one key about where odometry puts it and notes the evidence.
@@ -151,8 +163,8 @@ struct GlobalLocalizer::Impl {
       const Eigen::Matrix3d& information,
       bool newest) const {
     const Key& k = keys[key];
-    const PoseWithCovariance T = fitter.refined(k.ends_base, predicted, information);
-    const ScanFit fit = fitter.fit(k.ends_base, k.news, k.p_base_laser, T.mean);
+    const PoseWithCovariance T = fitter.refined(k.ends, predicted, information);
+    const ScanFit fit = fitAt(k, T.mean, h.missing);
     const double strain = 0.5 * mahalanobis2(T.mean, predicted, information);
     if (newest) {
       h.T_map_base = T;
@@ -167,19 +179,18 @@ struct GlobalLocalizer::Impl {
 
   /// A place found just now, held against all keys from the newest to the oldest.
   [[nodiscard]] Hypothesis judged(const Pose2& T_map_base) const {
-    Hypothesis h;
+    Hypothesis h(params.surface_m);
     h.fits.resize(keys.size());
     h.strain.resize(keys.size());
     const std::size_t newest = keys.size() - 1;
     // Found on a lattice: the scan alone says where exactly.
     const PoseWithCovariance T =
-        fitter.refined(keys[newest].ends_base, T_map_base, Eigen::Matrix3d::Zero());
+        fitter.refined(keys[newest].ends, T_map_base, Eigen::Matrix3d::Zero());
     Pose2 T_here = T.mean;
     // A refinement that leads away from the place has found another one; keep to the place.
     if (!same(T_here, T_map_base)) T_here = T_map_base;
     h.T_map_base = {T_here, T.cov};
-    h.fits[newest] = fitter.fit(
-        keys[newest].ends_base, keys[newest].news, keys[newest].p_base_laser, h.T_map_base.mean);
+    h.fits[newest] = fitAt(keys[newest], T_here, h.missing);
     for (std::size_t key = newest; key-- > 0;) {
       const Pose2 back = between(keys[key + 1].T_odom_base, keys[key].T_odom_base);
       T_here = hold(h, key, compose(T_here, back), odometryInformation(back), false);
@@ -196,7 +207,7 @@ struct GlobalLocalizer::Impl {
       if (key + 1 < keys.size())
         back_m += distance(keys[key].T_odom_base, keys[key + 1].T_odom_base);
       const Pose2 T_base_key = between(T_odom_base, keys[key].T_odom_base);
-      for (const Point2& end : keys[key].ends_base) {
+      for (const Point2& end : keys[key].ends.p_base) {
         const Point2 p = transform(T_base_key, end);
         if (std::hypot(p.x, p.y) > params.max_range_m) continue;
         const std::pair<long, long> cell{
@@ -231,7 +242,7 @@ struct GlobalLocalizer::Impl {
     if (prior && travelled_m == 0.0) ranking = prior;
     if (ranking) ranking->weight = kPriorScorePerNis;
     const auto found = matcher.match(field, searchPoints(), window(), &free_space, ranking);
-    std::vector<Hypothesis> fresh(found.size());
+    std::vector<Hypothesis> fresh(found.size(), Hypothesis(params.surface_m));
     parallelFor(found.size(), threadCount(params.search.threads), [&](std::size_t i) {
       fresh[i] = judged(found[i].T_map_base);
     });
@@ -287,7 +298,7 @@ struct GlobalLocalizer::Impl {
     return h.inlier_share >= params.min_inlier_share && h.blocked_share <= params.max_blocked_share;
   }
 
-  /// Whether no other place fits more of the beams: evidence that says otherwise is doubted.
+  /// Whether no other place fits more of the beams.
   [[nodiscard]] bool fitsBest(const Hypothesis& h) const {
     return std::all_of(hypotheses.begin(), hypotheses.end(), [&](const Hypothesis& other) {
       return other.inlier_share - other.blocked_share <=
@@ -308,9 +319,9 @@ struct GlobalLocalizer::Impl {
     if (hypotheses.empty() || !fits(hypotheses.front())) return PlaceState::kNowhere;
     const bool seen_enough =
         counted >= params.min_keys && travelled_m >= params.min_travel_m && searches >= 2;
-    return seen_enough && advantage() >= params.min_advantage && fitsBest(hypotheses.front())
-               ? PlaceState::kSure
-               : PlaceState::kUnsure;
+    const double needed =
+        params.min_advantage * (fitsBest(hypotheses.front()) ? 1.0 : kDoubtfulAdvantage);
+    return seen_enough && advantage() >= needed ? PlaceState::kSure : PlaceState::kUnsure;
   }
 };
 
@@ -326,7 +337,7 @@ void GlobalLocalizer::start(
   impl_->zone = zone;
   impl_->T_odom_base = {};
   impl_->keys.clear();
-  impl_->views.clear();
+  impl_->seen.clear();
   impl_->hypotheses.clear();
   impl_->travelled_m = 0.0;
   impl_->searches = 0;
@@ -348,8 +359,8 @@ bool GlobalLocalizer::process(const LaserScan& scan) {
       return false;
     }
   }
-  std::vector<Point2> ends = spreadEnds(scan, s.params.max_range_m, kEndSpacing_m, kEndsPerKey);
-  if (ends.size() < kMinEnds) return false;
+  ScanEnds ends = s.endsOf(scan);
+  if (ends.p_base.size() < kMinEnds) return false;
   s.addKey(scan, std::move(ends));
   s.rank();
   const double wait_m =
@@ -379,11 +390,9 @@ std::vector<Place> GlobalLocalizer::places() const {
 }
 
 Place GlobalLocalizer::fitAt(const LaserScan& scan, const Pose2& T_map_base) const {
+  Views missing(impl_->params.surface_m);
   const ScanFit fit = impl_->fitter.fit(
-      spreadEnds(scan, impl_->params.max_range_m, kEndSpacing_m, kEndsPerKey),
-      {},
-      {scan.T_base_laser.x, scan.T_base_laser.y},
-      T_map_base);
+      impl_->endsOf(scan), {}, {}, {scan.T_base_laser.x, scan.T_base_laser.y}, T_map_base, missing);
   return {{T_map_base, Eigen::Matrix3d::Zero()}, 1.0, fit.inlier_share, fit.blocked_share};
 }
 
@@ -417,8 +426,11 @@ void describe(ParamIo& io, GlobalParams& p) {
   io.optional("sigma_hit_m", p.sigma_hit_m, positive());
   io.optional("random_share", p.random_share, inside(0.0, 1.0));
   io.optional("blocked_share", p.blocked_share, inside(0.0, 1.0));
+  io.optional("no_echo_share", p.no_echo_share, inside(0.0, 1.0));
   io.optional("surface_m", p.surface_m, positive());
   io.optional("surface_share", p.surface_share, within(0.0, 1.0));
+  io.optional("small_m", p.small_m, nonNegative());
+  io.optional("movable_share", p.movable_share, within(0.0, 1.0));
   io.optional("inlier_distance_m", p.inlier_distance_m, positive());
   io.optional("min_travel_m", p.min_travel_m, nonNegative());
   io.optional("min_keys", p.min_keys, within(1, 1000));

@@ -18,6 +18,8 @@ constexpr double kSeedSigma_rad = degToRad(1.5);
 // A place found this near to the particles is theirs.
 constexpr double kSame_m = 0.3;
 constexpr double kSame_rad = degToRad(8.0);
+// A search is called off when the particles' place has more than this of the weight.
+constexpr double kStillThere = 0.98;
 // Nothing known: the pose is somewhere in a map of this size.
 constexpr double kNowhereSigma_m = 100.0;
 
@@ -76,8 +78,9 @@ struct Localizer::Impl {
   [[nodiscard]] bool fitsParticles(const LaserScan& scan, const ScanReport& report) const {
     if (!report.trusted) return false;
     const Place place = global.fitAt(scan, report.T_map_base.mean);
-    return place.inlier_share >= params.lost_inlier_share &&
-           place.blocked_share <= params.recovery.max_blocked_share;
+    // The more beams fit, the more may pass through what is mapped: blurred maps are like that.
+    const double fitting = place.inlier_share / params.lost_inlier_share;
+    return fitting >= 1.0 && place.blocked_share <= params.recovery.max_blocked_share * fitting;
   }
 
   void watch(const LaserScan& scan, const ScanReport& report) {
@@ -103,6 +106,12 @@ struct Localizer::Impl {
     observers->emit(event);
   }
 
+  [[nodiscard]] bool isTracked(const Pose2& T_map_base) const {
+    const Pose2 T = particles.pose().mean;
+    return distance(T_map_base, T) < kSame_m &&
+           std::abs(angleDiff(T_map_base.phi, T.phi)) < kSame_rad;
+  }
+
   void search(const LaserScan& scan) {
     const bool counted = global.process(scan);
     const std::vector<Place> places = global.places();
@@ -115,10 +124,9 @@ struct Localizer::Impl {
       observers->emit(event);
     }
     const bool tracked = tracking && fits >= params.recovery.after_scans;
+    const bool same = tracked && !places.empty() && isTracked(places.front().T_map_base.mean);
     if (global.state() == PlaceState::kSure) {
       const PoseWithCovariance& found = places.front().T_map_base;
-      const bool same = tracked && distance(found.mean, particles.pose().mean) < kSame_m &&
-                        std::abs(angleDiff(found.mean.phi, particles.pose().mean.phi)) < kSame_rad;
       if (!same) {
         PoseWithCovariance seed = found;
         seed.cov += Eigen::Vector3d(
@@ -131,8 +139,9 @@ struct Localizer::Impl {
       T_map_fitting = found.mean;
       since_fitting_m = 0.0;
       startTracking();
-    } else if (tracked) {
-      // What had hidden the map is gone, and the particles are still where they were right.
+    } else if (same && global.searches() >= 2 && places.front().weight > kStillThere) {
+      // What had hidden the map is gone, and the particles are still where they were right; in an
+      // equal room they would fit as well, but would not be the likeliest place.
       startTracking();
     }
   }
@@ -222,7 +231,11 @@ PoseWithCovariance Localizer::pose() const {
             .asDiagonal();
     return {s.T_map_fitting.value_or(Pose2{}), cov};
   }
-  PoseWithCovariance pose{places.front().T_map_base.mean, Eigen::Matrix3d::Zero()};
+  // A track that has stopped fitting stays the best guess until a place is found: no jumping from
+  // candidate to candidate.
+  PoseWithCovariance pose{
+      s.tracking ? s.particles.pose().mean : places.front().T_map_base.mean,
+      Eigen::Matrix3d::Zero()};
   for (const Place& p : places) {
     const Pose2& T = p.T_map_base.mean;
     const Eigen::Vector3d off(

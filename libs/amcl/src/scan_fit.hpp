@@ -1,6 +1,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "vestibule/amcl/global_localizer.hpp"
@@ -9,10 +13,39 @@
 
 namespace vestibule::amcl {
 
-/// A scan's end points in the base frame that have a neighbour on the same surface, in beam order,
-/// at least `spacing_m` apart along the contour and at most `count` of them.
-[[nodiscard]] std::vector<Point2> spreadEnds(
-    const LaserScan& scan, double max_range_m, double spacing_m, std::size_t count);
+/// How often squares of surface have been looked at.
+class Views {
+ public:
+  explicit Views(double side_m) : side_m_(side_m) {}
+  /// Looks at a point. \return what that adds to what is known: the n-th view of a square 1 / n^2
+  double newsOf(const Point2& p);
+  /// The same for the way from one point to the next, without the first.
+  double newsOf(const Point2& from, const Point2& to);
+  void clear() { views_.clear(); }
+
+ private:
+  double side_m_;
+  std::map<std::pair<long, long>, int> views_;
+};
+
+/// What a scan ended on.
+struct ScanEnds {
+  std::vector<Point2> p_base;  ///< in beam order
+  std::vector<char> follows;   ///< per end: 1 = on the surface of the one before
+  std::vector<char>
+      stand_out;  ///< per end: 1 = of something small that stands before what is behind
+};
+
+/// A scan's end points that have a neighbour on the same surface, at least `spacing_m` apart along
+/// the contour and at most `count` of them.
+/// \param small_m what is no larger than this may stand out
+[[nodiscard]] ScanEnds spreadEnds(
+    const LaserScan& scan, double max_range_m, double spacing_m, std::size_t count, double small_m);
+
+/// Points in the base frame up to which a scan saw nothing: where beams and their neighbours got no
+/// echo within the lidar's sure reach, or one from beyond max_range_m. At most `count`.
+[[nodiscard]] std::vector<Point2> spreadGaps(
+    const LaserScan& scan, double max_range_m, std::size_t count);
 
 /// How one scan fits at a pose.
 struct ScanFit {
@@ -33,17 +66,18 @@ class ScanFitter {
   /// where the scan does not, in map axes. The covariance comes from the scan alone, tempered, plus
   /// the information.
   [[nodiscard]] PoseWithCovariance refined(
-      const std::vector<Point2>& ends_base,
-      const Pose2& T_map_base,
-      const Eigen::Matrix3d& information) const;
+      const ScanEnds& ends, const Pose2& T_map_base, const Eigen::Matrix3d& information) const;
 
   /// \param p_base_laser where the rays start
   /// \param news how much each end adds to what is known, see GlobalParams; empty = 1 each
+  /// \param missing of mapped surfaces that beams have passed through; these are counted
   [[nodiscard]] ScanFit fit(
-      const std::vector<Point2>& ends_base,
+      const ScanEnds& ends,
       const std::vector<double>& news,
+      const std::vector<Point2>& gaps_base,
       const Point2& p_base_laser,
-      const Pose2& T_map_base) const;
+      const Pose2& T_map_base,
+      Views& missing) const;
 
  private:
   struct Distance {
@@ -51,11 +85,19 @@ class ScanFitter {
     double gx = 0.0;  // gradient in grid axes
     double gy = 0.0;
   };
+  [[nodiscard]] bool marked(const std::vector<std::uint8_t>& cells, const Point2& p_cells) const;
+  /// How much a mapped obstacle counts that is not there.
+  [[nodiscard]] double shareOf(const Point2& p_map_obstacle) const;
   [[nodiscard]] Distance interpolated(const Point2& p_grid) const;
+  /// The first mapped obstacle on the way to a point, more than margin_m before it.
+  [[nodiscard]] std::optional<Point2> obstacleBefore(
+      const Point2& p_map_end, const Point2& p_map_laser, double margin_m) const;
 
   const GlobalParams& params_;
   grid::DistanceField distances_;
   grid::RayCaster rays_;
+  std::vector<std::uint8_t> movable_;  // 1 at and beside occupied cells of small things
+  std::vector<std::uint8_t> unknown_;
   int width_;
   int height_;
   double resolution_m_;

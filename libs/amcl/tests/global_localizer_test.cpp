@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 
 #include "matchers.hpp"
 #include "vestibule/amcl/localizer.hpp"
@@ -171,6 +172,48 @@ TEST(GlobalLocalizer, FindsNothingWhereTheScansDoNotFit) {
   for (float& range : round.ranges_m) range = 1.5F;
   EXPECT_TRUE(localizer.process(round));
   EXPECT_NE(localizer.state(), PlaceState::kSure);
+}
+
+TEST(GlobalLocalizer, BeamsWithoutAnEchoSpeakAgainstWallsThatAreNotThere) {
+  // GIVEN two rooms that are equal but for a wall 6 m ahead, which one of them does not have
+  constexpr int kSide = 400;
+  std::vector<grid::Cell> cells(kSide * kSide, grid::Cell::kFree);
+  const auto fill = [&](int x0, int x1, int y0, int y1) {
+    for (int y = y0; y < y1; ++y) {
+      for (int x = x0; x < x1; ++x) {
+        cells[static_cast<std::size_t>(y * kSide + x)] = grid::Cell::kOccupied;
+      }
+    }
+  };
+  for (const int y : {40, 240}) {
+    fill(20, 22, y, y + 80);
+    fill(20, 100, y, y + 2);
+    fill(20, 80, y + 78, y + 80);
+  }
+  fill(150, 152, 40, 120);
+  const auto map = std::make_shared<const grid::OccupancyMap>(
+      grid::OccupancyMap::fromCells(kSide, kSide, kResolution, {0, 0}, cells, {}));
+  // WHEN the robot is in the room without
+  Robot robot(map, {2.5, 14.0, 0.0});
+  const auto weightOfTruth = [&](double no_echo_share) {
+    GlobalParams params = oneThread();
+    params.no_echo_share = no_echo_share;
+    GlobalLocalizer localizer(params, map);
+    localizer.start();
+    LaserScan scan = robot.scan();
+    for (float& range : scan.ranges_m) {
+      if (range > 8.8F) range = std::numeric_limits<float>::infinity();
+    }
+    localizer.process(scan);
+    double weight = 0.0;
+    for (const Place& place : localizer.places()) {
+      if (distance(place.T_map_base.mean, robot.truth()) < 0.2) weight += place.weight;
+    }
+    return weight;
+  };
+  // THEN only the missing echoes tell
+  EXPECT_NEAR(weightOfTruth(0.999), 0.5, 0.3);
+  EXPECT_GT(weightOfTruth(0.1), 0.95);
 }
 
 TEST(GlobalLocalizer, GivesTheSamePlacesForAnyNumberOfThreads) {

@@ -200,7 +200,8 @@ class Wanderer {
       const double yaw = T_map_laser.phi + scan.angle(static_cast<std::size_t>(i));
       double range = place_.ray({T_map_laser.x, T_map_laser.y}, yaw, range_max_m_);
       if (rng_.bernoulli(outliers_)) range = rng_.uniform(0.2, std::max(0.3, range));
-      if (range < range_max_m_) range = std::max(0.05, range + rng_.normal(0.0, 0.02));
+      range = range < range_max_m_ ? std::max(0.05, range + rng_.normal(0.0, 0.02))
+                                   : std::numeric_limits<double>::infinity();
       scan.ranges_m.push_back(static_cast<float>(range));
     }
     return scan;

@@ -85,8 +85,10 @@ struct Kld {
 
 /// Searching the map again when the scans do not fit.
 struct RecoveryParams {
-  int after_scans = 8;              ///< used scans in a row that do not fit
-  double max_blocked_share = 0.25;  ///< more beams through what is mapped than this: does not fit
+  int after_scans = 8;  ///< used scans in a row that do not fit
+  /// More beams through what is mapped than this: does not fit. Holds where lost_inlier_share of
+  /// the beams fit, and grows with what does.
+  double max_blocked_share = 0.25;
 };
 
 /// GNSS fixes as one more term of the particles' weights, where a map is georeferenced.
