@@ -40,6 +40,14 @@ foreach(folder IN ITEMS pluginlib class_loader ament_index_cpp rcutils rcpputils
   target_include_directories(vestibule_rosbag SYSTEM INTERFACE /usr/include/${folder})
 endforeach()
 
+# Debian splits NLopt in a C and a C++ package whose CMake files carry one name.
+find_path(NLOPT_INCLUDE_DIR nlopt.hpp REQUIRED)
+find_library(NLOPT_LIBRARY nlopt_cxx REQUIRED)
+add_library(vestibule_nlopt SHARED IMPORTED)
+set_target_properties(
+  vestibule_nlopt PROPERTIES IMPORTED_LOCATION ${NLOPT_LIBRARY}
+                             INTERFACE_INCLUDE_DIRECTORIES ${NLOPT_INCLUDE_DIR})
+
 find_package(sdformat12 REQUIRED)
 add_library(vestibule_sdformat ALIAS sdformat12::sdformat12)
 
