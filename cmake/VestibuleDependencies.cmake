@@ -2,6 +2,7 @@
 foreach(component IN ITEMS math poses random maps obs slam nav io serialization bayes)
   find_package(mrpt-${component} 2.5 REQUIRED)
 endforeach()
+find_package(MPI REQUIRED COMPONENTS C)
 find_package(yaml-cpp REQUIRED)
 find_package(CLI11 REQUIRED)
 find_package(nlohmann_json REQUIRED)

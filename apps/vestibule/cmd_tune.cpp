@@ -14,6 +14,7 @@
 #include "vestibule/core/parallel.hpp"
 #include "vestibule/gui_headless/charts.hpp"
 #include "vestibule/tuning/engine.hpp"
+#include "vestibule/tuning/mpi_workers.hpp"
 #include "vestibule/tuning/subjects.hpp"
 
 namespace vestibule::app {
@@ -364,8 +365,26 @@ void writeResult(
   output.report(report);
 }
 
+tuning::Folders folders() { return {shipped("config/csv"), shipped("config/scenarios")}; }
+
+/// What all ranks but the first do.
+void serve(const Session& session, const tuning::MpiWorld& world) {
+  const tuning::SearchSpace space(session.parameters, tuning::ParameterTree(session.base));
+  const auto subject = tuning::makeSubject(session, folders(), [](double, double) {});
+  tuning::serveTasks(tuning::TaskRunner(session, space, *subject), world);
+}
+
+std::unique_ptr<tuning::Workers> makeWorkers(
+    const tuning::TaskRunner& runner, tuning::MpiWorld* world, int threads) {
+  if (world != nullptr) return std::make_unique<tuning::MpiWorkers>(runner, *world);
+  return std::make_unique<tuning::ThreadWorkers>(runner, threadCount(threads));
+}
+
 void runTune(const std::string& path, const std::string& out, int threads, int& exit_code) {
+  std::unique_ptr<tuning::MpiWorld> world;
+  if (tuning::launchedByMpi()) world = std::make_unique<tuning::MpiWorld>();
   const Session session = tuning::loadSession(path, shipped("config/scenarios"));
+  if (world && world->rank() > 0) return serve(session, *world);
   const tuning::SearchSpace space(session.parameters, tuning::ParameterTree(session.base));
   RunOutput output(out, "tune", session.base);
   TuningResult result;
@@ -377,14 +396,14 @@ void runTune(const std::string& path, const std::string& out, int threads, int& 
     tuning::Journal journal(journal_path, tuning::fingerprintOf(session));
     ProgressBar bar("reading recordings");
     subject = tuning::makeSubject(
-        session, {shipped("config/csv"), shipped("config/scenarios")}, bar.callback());
+        session, folders(), bar.callback());
     const tuning::TaskRunner runner(session, space, *subject);
-    tuning::ThreadWorkers workers(
-        runner, threadCount(threads > 0 ? threads : session.search.threads));
-    workers_text = workers.text();
+    const auto workers =
+        makeWorkers(runner, world.get(), threads > 0 ? threads : session.search.threads);
     TuneProgress progress(journal_path);
     const auto began = std::chrono::steady_clock::now();
-    result = tuning::tune(session, space, *subject, workers, journal, progress.callbacks());
+    result = tuning::tune(session, space, *subject, *workers, journal, progress.callbacks());
+    workers_text = workers->text();
     wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
   }
   writeResult(session, space, *subject, result, output);

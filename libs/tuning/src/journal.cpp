@@ -2,8 +2,8 @@
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
+#include "outcome_json.hpp"
 #include "vestibule/core/errors.hpp"
 
 namespace vestibule::tuning {
@@ -23,21 +23,10 @@ Json toJson(const std::string& set, const Evaluation& e, double cost) {
     Json run;
     run["drive"] = e.cases[i].drive;
     run["seed"] = e.cases[i].seed;
-    if (!e.outcomes[i].failure.empty()) run["failure"] = e.outcomes[i].failure;
-    Json& objectives = run["scores"] = Json::array();
-    for (const auto& scores : e.outcomes[i].objectives) {
-      Json list = Json::array();
-      for (const Score& s : scores) list.push_back({s.block, s.value});
-      objectives.push_back(std::move(list));
-    }
+    run.update(tuning::toJson(e.outcomes[i]));
     runs.push_back(std::move(run));
   }
   return line;
-}
-
-/// JSON has no NaN or infinity: they are written as null.
-double number(const Json& json) {
-  return json.is_null() ? std::numeric_limits<double>::quiet_NaN() : json.get<double>();
 }
 
 Evaluation fromJson(const Json& line) {
@@ -46,14 +35,7 @@ Evaluation fromJson(const Json& line) {
   for (const Json& run : line.at("runs")) {
     e.cases.push_back(
         {run.at("drive").get<std::size_t>(), run.at("seed").get<std::uint64_t>()});
-    Outcome outcome;
-    outcome.failure = run.value("failure", "");
-    for (const Json& list : run.at("scores")) {
-      std::vector<Score> scores;
-      for (const Json& s : list) scores.push_back({s.at(0).get<int>(), number(s.at(1))});
-      outcome.objectives.push_back(std::move(scores));
-    }
-    e.outcomes.push_back(std::move(outcome));
+    e.outcomes.push_back(outcomeFrom(run));
   }
   return e;
 }
