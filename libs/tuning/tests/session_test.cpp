@@ -5,8 +5,10 @@
 
 #include <filesystem>
 
+#include "session_target.hpp"
 #include "test_files.hpp"
 #include "vestibule/core/errors.hpp"
+#include "vestibule/core/random.hpp"
 #include "vestibule/tuning/search_space.hpp"
 
 namespace vestibule::tuning {
@@ -112,6 +114,29 @@ TEST(Session, NeedsWhatItsSubjectNeeds) {
           "recordings:\n  training:\n    - {log: " + log + ", blocks: even}\n  validation:\n    - {log: " +
           log + ", blocks: odd}\nobjectives:\n  - {measure: relations}\n"),
       AllOf(HasSubstr("amcl needs a map"), HasSubstr("needs a relations file")));
+}
+
+/// Every file of the corpus, whole, cut anywhere and damaged: read or complained of, nothing else.
+TEST(Session, CorpusIsSurvived) {
+  const std::filesystem::path folder =
+      std::filesystem::path(VESTIBULE_SOURCE_DIR) / "libs/tuning/fuzz/corpus/session";
+  int n = 0;
+  RandomStream random(1, "damage");
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    const std::string bytes = vestibule::test::readFile(entry.path());
+    EXPECT_NO_THROW(fuzz::readSession(bytes)) << entry.path();
+    for (std::size_t size = 0; size < bytes.size(); size += 1 + bytes.size() / 10) {
+      EXPECT_NO_THROW(fuzz::readSession(bytes.substr(0, size))) << entry.path() << " at " << size;
+    }
+    for (int k = 0; k < 10 && !bytes.empty(); ++k) {
+      std::string damaged = bytes;
+      damaged[random() % damaged.size()] = static_cast<char>(random() % 256);
+      damaged.erase(random() % damaged.size(), random() % 20);
+      EXPECT_NO_THROW(fuzz::readSession(damaged)) << damaged;
+    }
+    ++n;
+  }
+  EXPECT_GE(n, 8);
 }
 
 TEST(SearchSpace, RoundTripsAndKeepsTies) {
