@@ -24,7 +24,7 @@ struct Drive {
   std::string name;
   Blocks blocks = Blocks::kAll;
   std::optional<SensorRig> rig;  ///< of a simulated robot; else the configuration's
-  FilterLog log;
+  std::shared_ptr<const FilterLog> log;
   metrics::Trajectory reference;
 };
 
@@ -38,18 +38,15 @@ Drive simulated(const DriveSpec& spec, const Folders& folders) {
     for (sim::Delivered& d : run.step(kTick)) measurements.push_back(std::move(d.measurement));
     drive.reference.push_back({run.simulator().time(), run.simulator().truth()});
   }
-  drive.log = makeFilterLog(std::move(measurements));
-  drive.log.plane.emplace(scenario.world.datum);
+  FilterLog log = makeFilterLog(std::move(measurements));
+  log.plane.emplace(scenario.world.datum);
+  drive.log = std::make_shared<const FilterLog>(std::move(log));
   drive.rig = scenario.sim.rig;
   return drive;
 }
 
-Drive recorded(const DriveSpec& spec, const Session& session, const Folders& folders) {
-  Drive drive;
-  io::RecordingOptions options;
-  options.rig = session.base.rig;
-  options.csv_mapping_dir = folders.csv_mappings;
-  const auto reader = io::openRecording(spec.recording->log, options);
+FilterLog readLog(const std::string& path, const io::RecordingOptions& options) {
+  const auto reader = io::openRecording(path, options);
   std::vector<Measurement> measurements;
   std::size_t wheels = 0;
   pipeline::forEachInStampOrder(
@@ -62,10 +59,23 @@ Drive recorded(const DriveSpec& spec, const Session& session, const Folders& fol
       [](double, double) {});
   if (wheels == 0) {
     throw InputError(
-        spec.recording->log +
-        ": no wheel odometry in it, which the filter needs (see vestibule info)");
+        path + ": no wheel odometry in it, which the filter needs (see vestibule info)");
   }
-  drive.log = makeFilterLog(std::move(measurements));
+  return makeFilterLog(std::move(measurements));
+}
+
+/// Recordings by their path: one that is in several sets is read once.
+using Logs = std::map<std::string, std::shared_ptr<const FilterLog>>;
+
+Drive recorded(
+    const DriveSpec& spec, const Session& session, const Folders& folders, Logs& logs) {
+  Drive drive;
+  io::RecordingOptions options;
+  options.rig = session.base.rig;
+  options.csv_mapping_dir = folders.csv_mappings;
+  auto& log = logs[spec.recording->log];
+  if (!log) log = std::make_shared<const FilterLog>(readLog(spec.recording->log, options));
+  drive.log = log;
   drive.reference = referenceOf(*spec.recording, session.base.rig, folders);
   const bool needed = wants(session, Measure::kApe) || wants(session, Measure::kRpe) ||
                       wants(session, Measure::kOdometryRpe) || wants(session, Measure::kNees);
@@ -83,12 +93,12 @@ Drive recorded(const DriveSpec& spec, const Session& session, const Folders& fol
 class Pass {
  public:
   Pass(const pipeline::Config& config, const Drive& drive, const BlockGrid& grid)
-      : drive_(drive), grid_(grid), replay_(config, drive.log) {}
+      : drive_(drive), grid_(grid), replay_(config, *drive.log) {}
 
   /// \param window_s  of hidden fixes in every block that counts; 0 = none
   /// \return why the run failed; empty when it did not
   std::string run(double window_s, std::uint64_t seed) {
-    for (const Measurement& m : drive_.log.measurements) {
+    for (const Measurement& m : drive_.log->measurements) {
       const auto* fix = std::get_if<GnssFix>(&m);
       if (fix != nullptr && window_s > 0.0 && hidden(*fix, window_s, seed)) continue;
       const bool was_ready = replay_.ready();
@@ -165,14 +175,15 @@ class EkfSubject : public Subject {
  public:
   EkfSubject(const Session& session, const Folders& folders, const pipeline::Progress& progress)
       : session_(session) {
+    Logs logs;
     for (const Role role : kRoles) {
       for (const DriveSpec& spec : drivesOf(session, role)) {
-        Drive drive = spec.recording->scenario.empty() ? recorded(spec, session, folders)
+        Drive drive = spec.recording->scenario.empty() ? recorded(spec, session, folders, logs)
                                                        : simulated(spec, folders);
         drive.name = spec.name();
         drive.blocks = spec.recording->blocks;
         drives_[role].push_back(std::move(drive));
-        progress(-1.0, toSeconds(drives_[role].back().log.last - drives_[role].back().log.first));
+        progress(-1.0, toSeconds(drives_[role].back().log->last - drives_[role].back().log->first));
       }
     }
   }
@@ -185,7 +196,7 @@ class EkfSubject : public Subject {
     return at(role, drive).name;
   }
   [[nodiscard]] double seconds(Role role, std::size_t drive) const override {
-    return toSeconds(at(role, drive).log.last - at(role, drive).log.first);
+    return toSeconds(at(role, drive).log->last - at(role, drive).log->first);
   }
   [[nodiscard]] bool random() const override { return wants(session_, Measure::kHiddenOutage); }
 
@@ -195,7 +206,7 @@ class EkfSubject : public Subject {
       std::size_t index,
       std::uint64_t seed) const override {
     const Drive& drive = at(role, index);
-    const BlockGrid grid{drive.log.first, session_.block_s, drive.blocks};
+    const BlockGrid grid{drive.log->first, session_.block_s, drive.blocks};
     const pipeline::Config robot = ofRobot(config, drive);
     // One pass per length of window; everything else is measured in the first.
     std::map<double, std::unique_ptr<Pass>> passes;
@@ -226,7 +237,7 @@ class EkfSubject : public Subject {
   [[nodiscard]] Paths paths(
       const pipeline::Config& config, Role role, std::size_t index) const override {
     const Drive& drive = at(role, index);
-    const BlockGrid grid{drive.log.first, session_.block_s, Blocks::kAll};
+    const BlockGrid grid{drive.log->first, session_.block_s, Blocks::kAll};
     Pass pass(ofRobot(config, drive), drive, grid);
     (void)pass.run(0.0, 0);
     return {std::move(pass.trajectory), drive.reference};
