@@ -80,8 +80,7 @@ void report(
     gui_headless::LineChart chart;
     chart.title = "Residuals";
     chart.y_label = "residual [" + c.residual_unit + "]";
-    chart.series.push_back(
-        {"before", gui_headless::SeriesLook::kSecond, c.residuals_before});
+    chart.series.push_back({"before", gui_headless::SeriesLook::kSecond, c.residuals_before});
     chart.series.push_back({"after", gui_headless::SeriesLook::kEstimate, c.residuals_after});
     section.charts.push_back(gui_headless::lineChart(chart));
   }
@@ -166,8 +165,8 @@ void calibrateOdometry(const Arguments& args, int& exit_code) {
   ProgressBar bar("calibrate odometry");
   const auto data = tuning::readOdometry(
       args.log, args.ref, recordingOptions(args, config), config, bar.callback());
-  const OdometryCalibration c = tuning::calibrateOdometry(
-      data.odometry, data.reference, data.has_position, args.track_m);
+  const OdometryCalibration c =
+      tuning::calibrateOdometry(data.odometry, data.reference, data.has_position, args.track_m);
   output.timing(bar.wallSeconds(), 0.0);
   output.summary()["input"] = args.log;
   output.summary()["reference"] = data.reference_name;
@@ -195,8 +194,8 @@ void calibrateOffsets(const Arguments& args, int& exit_code) {
   const pipeline::Config config = pipeline::loadConfig(args.config);
   RunOutput output(args.out, "calibrate offsets", config);
   ProgressBar bar("calibrate offsets");
-  const auto offsets = pipeline::estimateOffsets(
-      args.log, recordingOptions(args, config), config, bar.callback());
+  const auto offsets =
+      pipeline::estimateOffsets(args.log, recordingOptions(args, config), config, bar.callback());
   output.timing(bar.wallSeconds(), 0.0);
   output.summary()["input"] = args.log;
   Calibration c;
@@ -204,7 +203,8 @@ void calibrateOffsets(const Arguments& args, int& exit_code) {
     Quantity q{o.sensor + " stamps late by", "s", 0.0, o.offset_s, o.sigma_s, ""};
     constexpr double kSigma_s = 0.1;
     if (!o.found || o.sigma_s > kSigma_s) {
-      q.unobserved = "drive curves and change speed: at constant speed a delay looks like an offset";
+      q.unobserved =
+          "drive curves and change speed: at constant speed a delay looks like an offset";
     }
     c.quantities.push_back(q);
   }
@@ -234,8 +234,8 @@ void calibrateMount(const Arguments& args, int& exit_code) {
   const pipeline::Config config = pipeline::loadConfig(args.config);
   RunOutput output(args.out, "calibrate mount", config);
   ProgressBar bar("calibrate mount");
-  const Calibration c = tuning::calibrateMount(
-      args.log, recordingOptions(args, config), config, bar.callback());
+  const Calibration c =
+      tuning::calibrateMount(args.log, recordingOptions(args, config), config, bar.callback());
   output.timing(bar.wallSeconds(), 0.0);
   output.summary()["input"] = args.log;
   output.text("calibrated.yaml", rigYaml(c, config));
@@ -266,11 +266,12 @@ void addCalibrate(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand(
       "calibrate", "wheels, time stamps and mounting, where the recording observes them");
   command->require_subcommand(1);
-  CLI::App* odometry = addKind(
-      *command, "odometry", "wheel scales, centres of rotation, effective track", *args);
+  CLI::App* odometry =
+      addKind(*command, "odometry", "wheel scales, centres of rotation, effective track", *args);
   odometry->add_option("--ref", args->ref, "reference trajectory (TUM)");
   odometry
-      ->add_option("--track", args->track_m, "distance of left and right wheels the recorder used [m]")
+      ->add_option(
+          "--track", args->track_m, "distance of left and right wheels the recorder used [m]")
       ->required()
       ->check(CLI::Range(0.01, 10.0));
   odometry->callback([args, &exit_code] { calibrateOdometry(*args, exit_code); });

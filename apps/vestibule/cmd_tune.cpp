@@ -118,9 +118,7 @@ Json toJson(const Gain& g) {
   return json;
 }
 
-Json toJson(
-    const tuning::SearchSpace& space,
-    const std::vector<double>& values) {
+Json toJson(const tuning::SearchSpace& space, const std::vector<double>& values) {
   Json json = Json::object();
   for (const auto& [name, value] : space.named(values)) json[name] = value;
   return json;
@@ -357,8 +355,7 @@ void writeResult(
       output.trajectory(after.estimate);
       output.trajectory(before.estimate, "defaults.tum");
     }
-    report.sections.push_back(
-        pathSection(subject.name(Role::kValidation, i), before, after));
+    report.sections.push_back(pathSection(subject.name(Role::kValidation, i), before, after));
     output.picture(
         "paths_" + std::to_string(i + 1) + ".png", report.sections.back().pictures.front().png);
   }
@@ -395,8 +392,7 @@ void runTune(const std::string& path, const std::string& out, int threads, int& 
     const std::string journal_path = output.pathOf("evaluations.jsonl");
     tuning::Journal journal(journal_path, tuning::fingerprintOf(session));
     ProgressBar bar("reading recordings");
-    subject = tuning::makeSubject(
-        session, folders(), bar.callback());
+    subject = tuning::makeSubject(session, folders(), bar.callback());
     const tuning::TaskRunner runner(session, space, *subject);
     const auto workers =
         makeWorkers(runner, world.get(), threads > 0 ? threads : session.search.threads);

@@ -18,11 +18,15 @@ class Tune : public Cli {
         "  - {name: ekf.gnss.sigma_single_m, from: 0.5, to: 20}\n"
         "  - {name: ekf.gyro.noise_rad_sqrt_s, from: 0.0002, to: 0.02}\n"
         "recordings:\n"
-        "  training: [{log: " + shipped("datasets/husky_gnss/test1.bag") + ", blocks: even}]\n"
-        "  validation: [{log: " + shipped("datasets/husky_gnss/test1.bag") + ", blocks: odd}]\n"
-        "block_s: 20\n"
-        "objectives: [{measure: innovation_likelihood}]\n"
-        "search: {evaluations: 6, slices: false}\n");
+        "  training: [{log: " +
+            shipped("datasets/husky_gnss/test1.bag") +
+            ", blocks: even}]\n"
+            "  validation: [{log: " +
+            shipped("datasets/husky_gnss/test1.bag") +
+            ", blocks: odd}]\n"
+            "block_s: 20\n"
+            "objectives: [{measure: innovation_likelihood}]\n"
+            "search: {evaluations: 6, slices: false}\n");
   }
 };
 
@@ -86,16 +90,11 @@ TEST_F(Tune, ADamagedJournalIsNamedWithItsLine) {
 
 TEST_F(Tune, CalibrateRefusesByNameWhatTheRecordingDoesNotShow) {
   // 61 s of a Jackal without GNSS is not shipped; the Husky has GNSS but no laser.
-  const CommandResult result = run(
-      {"calibrate",
-       "mount",
-       shipped("datasets/husky_gnss/test1.bag"),
-       "--out",
-       path("out")});
+  const CommandResult result =
+      run({"calibrate", "mount", shipped("datasets/husky_gnss/test1.bag"), "--out", path("out")});
   EXPECT_THAT(result.out, HasSubstr("not observable here: no laser scans in the recording"));
   const auto summary = nlohmann::json::parse(readFile(path("out/summary.json")));
-  EXPECT_EQ(
-      summary["quantities"]["laser yaw"]["unobserved"], "no laser scans in the recording");
+  EXPECT_EQ(summary["quantities"]["laser yaw"]["unobserved"], "no laser scans in the recording");
 }
 
 TEST_F(Tune, CalibrateSaysWhatItNeeds) {
@@ -105,8 +104,7 @@ TEST_F(Tune, CalibrateSaysWhatItNeeds) {
   EXPECT_THAT(no_track.err, HasSubstr("--track is required"));
   const CommandResult no_kind = run({"calibrate"});
   EXPECT_EQ(no_kind.exit_code, 2);
-  const CommandResult gone =
-      run({"calibrate", "offsets", path("gone.bag"), "--out", path("out")});
+  const CommandResult gone = run({"calibrate", "offsets", path("gone.bag"), "--out", path("out")});
   EXPECT_EQ(gone.exit_code, 3);
   EXPECT_THAT(gone.err, HasSubstr("gone.bag"));
   expectNoOutput("out");

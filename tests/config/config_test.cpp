@@ -21,9 +21,9 @@
 #include "vestibule/mapping/gmapping_names.hpp"
 #include "vestibule/pipeline/mission.hpp"
 #include "vestibule/sim/scenario.hpp"
-#include "vestibule/tuning/session.hpp"
 #include "vestibule/sim/simulator.hpp"
 #include "vestibule/sim/world.hpp"
+#include "vestibule/tuning/session.hpp"
 
 namespace vestibule {
 namespace {

@@ -131,8 +131,8 @@ std::vector<Stretch> stretchesOf(const FilterLog& log, const metrics::Trajectory
     if (fix == nullptr || fix->type == GnssFixType::kNone) continue;
     if (!now.stamps.empty() && toSeconds(fix->stamp - now.stamps.front()) > kStretch_s) close();
     if (!now.stamps.empty()) {
-      const Pose2 moved = between(
-          poseAt(odometry, now.stamps.back()), poseAt(odometry, fix->stamp));
+      const Pose2 moved =
+          between(poseAt(odometry, now.stamps.back()), poseAt(odometry, fix->stamp));
       travel_m += translationNorm(moved) + 0.3 * std::abs(moved.phi);
     }
     now.stamps.push_back(fix->stamp);
@@ -199,8 +199,7 @@ double rms(const std::vector<double>& r) {
 
 /// Lever arm and how late the fixes are, together: a late fix of a robot that drives forward looks
 /// like an antenna further back.
-void calibrateAntenna(
-    const FilterLog& log, const pipeline::Config& config, Calibration& result) {
+void calibrateAntenna(const FilterLog& log, const pipeline::Config& config, Calibration& result) {
   const Point2 before = config.rig.p_base_antenna;
   const metrics::Trajectory odometry = odometryOf(log, config);
   const std::vector<Stretch> stretches = stretchesOf(log, odometry);
@@ -217,9 +216,9 @@ void calibrateAntenna(
     fit = robustFit(misfits, start, Eigen::Vector4d(2.0, 2.0, 1.0, 0.2));
     fit.cov *= inflation(misfits(fit.parameters));
     result.notes.push_back(
-        "antenna: " + std::to_string(stretches.size()) + " stretches of 20 s, misfit of the fixes " +
-        shortNumber(rms(misfits(start))) + " m before, " +
-        shortNumber(rms(misfits(fit.parameters))) + " m after");
+        "antenna: " + std::to_string(stretches.size()) +
+        " stretches of 20 s, misfit of the fixes " + shortNumber(rms(misfits(start))) +
+        " m before, " + shortNumber(rms(misfits(fit.parameters))) + " m after");
   }
   const std::string turns =
       "turn on the spot and drive eights under RTK: on straights the arm cannot be told from an "
@@ -380,7 +379,11 @@ void calibrateLaser(
     fit.cov *= inflation(misfits(fit.parameters));
   }
   const bool fitted = fit.cov.size() > 0;
-  const auto add = [&](const char* name, const char* unit, int i, double factor, double limit,
+  const auto add = [&](const char* name,
+                       const char* unit,
+                       int i,
+                       double factor,
+                       double limit,
                        const char* drive) {
     Quantity q{name, unit, start[i] * factor, fit.parameters[i] * factor, 0.0, ""};
     if (fitted) q.sigma = std::sqrt(fit.cov(i, i)) * factor;
@@ -432,7 +435,10 @@ Calibration calibrateMount(
   if (sensors.gnss) {
     calibrateAntenna(makeFilterLog(sensors.measurements), config, result);
   } else {
-    unobservable(result, {"antenna x", "antenna y", "gnss stamps late by"}, "no GNSS fixes in the recording");
+    unobservable(
+        result,
+        {"antenna x", "antenna y", "gnss stamps late by"},
+        "no GNSS fixes in the recording");
   }
   if (sensors.imu) {
     calibrateImu(sensors.measurements, config, result);
@@ -442,8 +448,7 @@ Calibration calibrateMount(
   if (sensors.laser) {
     calibrateLaser(log, options, config, sensors.measurements, result, progress);
   } else {
-    unobservable(
-        result, {"laser x", "laser y", "laser yaw"}, "no laser scans in the recording");
+    unobservable(result, {"laser x", "laser y", "laser yaw"}, "no laser scans in the recording");
   }
   return result;
 }

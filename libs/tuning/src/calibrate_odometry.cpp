@@ -15,7 +15,7 @@ namespace vestibule::tuning {
 namespace {
 
 constexpr double kSegment_s = 3.0;
-constexpr double kGap_s = 1.5;       // a segment with such a hole in the wheel messages is left out
+constexpr double kGap_s = 1.5;  // a segment with such a hole in the wheel messages is left out
 constexpr std::size_t kFewestSegments = 8;
 // What counts as observed: one sigma below this.
 constexpr double kScaleSigma = 0.02;

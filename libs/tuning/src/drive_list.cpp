@@ -27,7 +27,8 @@ std::vector<DriveSpec> drivesOf(const Session& session, Role role) {
   std::vector<DriveSpec> drives;
   for (const RecordingSpec& r : session.recordings.of(role)) {
     const int n = r.scenario.empty() ? 1 : r.drives;
-    for (int i = 0; i < n; ++i) drives.push_back({&r, r.first_seed + static_cast<std::uint64_t>(i)});
+    for (int i = 0; i < n; ++i)
+      drives.push_back({&r, r.first_seed + static_cast<std::uint64_t>(i)});
   }
   return drives;
 }

@@ -67,8 +67,7 @@ FilterLog readLog(const std::string& path, const io::RecordingOptions& options) 
 /// Recordings by their path: one that is in several sets is read once.
 using Logs = std::map<std::string, std::shared_ptr<const FilterLog>>;
 
-Drive recorded(
-    const DriveSpec& spec, const Session& session, const Folders& folders, Logs& logs) {
+Drive recorded(const DriveSpec& spec, const Session& session, const Folders& folders, Logs& logs) {
   Drive drive;
   io::RecordingOptions options;
   options.rig = session.base.rig;
@@ -130,8 +129,7 @@ class Pass {
     const int block = grid_.blockOf(fix.stamp);
     if (!counts(grid_.blocks, block) || fix.type == GnssFixType::kNone) return false;
     const double room_s = grid_.block_s - window_s;
-    const double share =
-        RandomStream(seed, "window", static_cast<std::uint64_t>(block)).uniform();
+    const double share = RandomStream(seed, "window", static_cast<std::uint64_t>(block)).uniform();
     const double at_s = toSeconds(fix.stamp - grid_.first) - block * grid_.block_s;
     const double from_s = share * room_s;
     if (at_s < from_s || at_s >= from_s + window_s) return false;
@@ -162,7 +160,8 @@ std::vector<Score> neesScores(const Pass& pass, const Drive& drive, const BlockG
   association.max_dt = std::chrono::seconds(2);
   BlockMeans means;
   std::size_t next = 0;
-  for (const metrics::Match& m : metrics::associate(pass.trajectory, drive.reference, association)) {
+  for (const metrics::Match& m :
+       metrics::associate(pass.trajectory, drive.reference, association)) {
     while (pass.trajectory[next].stamp != m.stamp) ++next;
     if (!grid.scored(m.stamp)) continue;
     const auto nees = metrics::nees({m.estimate, pass.covariances[next]}, m.reference);
@@ -228,8 +227,8 @@ class EkfSubject : public Subject {
     if (first == nullptr) first = &pass(0.0);
     if (!outcome.failure.empty()) return outcome;
     for (const Objective& o : session_.objectives) {
-      outcome.objectives.push_back(scores(
-          o, o.measure == Measure::kHiddenOutage ? pass(o.length_s) : *first, drive, grid));
+      outcome.objectives.push_back(
+          scores(o, o.measure == Measure::kHiddenOutage ? pass(o.length_s) : *first, drive, grid));
     }
     return outcome;
   }

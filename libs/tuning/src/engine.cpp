@@ -12,7 +12,7 @@
 namespace vestibule::tuning {
 namespace {
 
-constexpr std::size_t kWinners = 5;        // scored again with fresh seeds
+constexpr std::size_t kWinners = 5;         // scored again with fresh seeds
 constexpr std::uint64_t kFreshFrom = 1000;  // fresh seeds begin so far behind the others
 constexpr std::size_t kFewestCorrelated = 8;
 // Parameters are changed to these multiples of the winner's value, as far as the range goes.
@@ -53,8 +53,9 @@ class Engine {
     }
     if (whyNotComparable(defaults, defaults) != "") {
       throw InputError(
-          session_.path + ": the defaults give no number to compare with (recording too short, no "
-                          "fixes in the windows, no reference?)");
+          session_.path +
+          ": the defaults give no number to compare with (recording too short, no "
+          "fixes in the windows, no reference?)");
     }
     search();
     chooseWinner();
@@ -70,9 +71,11 @@ class Engine {
   RunSet runSet(const std::string& name, Role role, bool fresh) const {
     RunSet set{name, role, {}};
     const int seeds = !subject_.random() ? 1 : fresh ? session_.seeds.fresh : session_.seeds.count;
-    const std::uint64_t first = session_.seeds.first + (fresh && subject_.random() ? kFreshFrom : 0);
+    const std::uint64_t first =
+        session_.seeds.first + (fresh && subject_.random() ? kFreshFrom : 0);
     for (std::size_t d = 0; d < subject_.drives(role); ++d) {
-      for (int s = 0; s < seeds; ++s) set.cases.push_back({d, first + static_cast<std::uint64_t>(s)});
+      for (int s = 0; s < seeds; ++s)
+        set.cases.push_back({d, first + static_cast<std::uint64_t>(s)});
     }
     return set;
   }
@@ -97,7 +100,8 @@ class Engine {
       Evaluation e{values, set.cases, {}};
       for (std::size_t i = 0; i < set.cases.size(); ++i) e.outcomes.push_back(outcomes[next++]);
       const Evaluation* defaults = journal_.find(set.name, result_.defaults);
-      const double cost = defaults == nullptr ? 1.0 : relativeCost(session_.objectives, *defaults, e);
+      const double cost =
+          defaults == nullptr ? 1.0 : relativeCost(session_.objectives, *defaults, e);
       journal_.append(set.name, e, cost);
     }
     std::vector<Evaluation> all;
@@ -126,8 +130,8 @@ class Engine {
       const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - started;
       return session_.search.wall_s > 0.0 && wall.count() > session_.search.wall_s;
     };
-    const bool smooth = std::all_of(
-        session_.objectives.begin(), session_.objectives.end(), [](const Objective& o) {
+    const bool smooth =
+        std::all_of(session_.objectives.begin(), session_.objectives.end(), [](const Objective& o) {
           return o.measure == Measure::kInnovation;
         });
     Search search(
@@ -255,8 +259,8 @@ class Engine {
       double least = 1.0;
       for (const Candidate& c : result_.tried) {
         if (!c.failure.empty()) continue;
-        const double cost = relativeCost(
-            session_.objectives, others, part(known(training_, c.values), d, false));
+        const double cost =
+            relativeCost(session_.objectives, others, part(known(training_, c.values), d, false));
         if (cost >= least) continue;
         least = cost;
         choice = c.values;
@@ -334,7 +338,9 @@ class Engine {
     }
   }
 
-  static std::string percent(double share) { return shortNumber(std::round(1000.0 * share) / 10.0); }
+  static std::string percent(double share) {
+    return shortNumber(std::round(1000.0 * share) / 10.0);
+  }
 
   static std::string text(const Gain& g, double confidence) {
     if (!g.failure.empty()) return "no gain (" + g.failure + ")";

@@ -10,7 +10,8 @@ FilterReplay::FilterReplay(const pipeline::Config& config, const FilterLog& log)
     : log_(log), filter_(config.ekf, config.rig) {}
 
 ekf::UpdateReport FilterReplay::feed(const Measurement& measurement) {
-  if (const auto* wheels = std::get_if<WheelOdometry>(&measurement)) return filter_.process(*wheels);
+  if (const auto* wheels = std::get_if<WheelOdometry>(&measurement))
+    return filter_.process(*wheels);
   if (const auto* imu = std::get_if<Imu>(&measurement)) return filter_.process(*imu);
   if (const auto* heading = std::get_if<Heading>(&measurement)) return filter_.process(*heading);
   const auto* fix = std::get_if<GnssFix>(&measurement);
@@ -22,8 +23,7 @@ Pose2 FilterReplay::odometry() const { return filter_.odometry().mean; }
 
 Point2 FilterReplay::missOf(const GnssFix& fix) const {
   const Eigen::Vector3d measured = pipeline::antennaInMap(fix, log_.plane);
-  const Eigen::Vector2d expected =
-      filter_.expected(pipeline::inMap(fix, measured)).p_map_antenna;
+  const Eigen::Vector2d expected = filter_.expected(pipeline::inMap(fix, measured)).p_map_antenna;
   return {expected.x() - measured.x(), expected.y() - measured.y()};
 }
 

@@ -33,8 +33,7 @@ Evaluation fromJson(const Json& line) {
   Evaluation e;
   e.values = line.at("values").get<std::vector<double>>();
   for (const Json& run : line.at("runs")) {
-    e.cases.push_back(
-        {run.at("drive").get<std::size_t>(), run.at("seed").get<std::uint64_t>()});
+    e.cases.push_back({run.at("drive").get<std::size_t>(), run.at("seed").get<std::uint64_t>()});
     e.outcomes.push_back(outcomeFrom(run));
   }
   return e;
@@ -62,8 +61,9 @@ void Journal::read() {
       if (number_of_line == 1) {
         if (json.at("session") != fingerprint_) {
           throw ConfigError(
-              path_ + ": belongs to another session (or to this one before it was changed); give "
-                      "another --out or remove the file");
+              path_ +
+              ": belongs to another session (or to this one before it was changed); give "
+              "another --out or remove the file");
         }
       } else {
         Evaluation e = fromJson(json);

@@ -7,7 +7,7 @@
 namespace vestibule::tuning {
 namespace {
 
-constexpr double kHuber = 1.5;      // residuals beyond it count linearly
+constexpr double kHuber = 1.5;        // residuals beyond it count linearly
 constexpr double kDerivative = 1e-4;  // of the prior's sigma
 constexpr int kMostIterations = 50;
 

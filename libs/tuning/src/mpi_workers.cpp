@@ -148,8 +148,8 @@ struct MpiWorkers::Impl {
     }
     const auto json = nlohmann::ordered_json::parse(bytes);
     if (other.lost || !other.task || json.at("number") != other.number) return true;
-    slowest_s = std::max(
-        slowest_s, std::chrono::duration<double>(Clock::now() - other.since).count());
+    slowest_s =
+        std::max(slowest_s, std::chrono::duration<double>(Clock::now() - other.since).count());
     outcomes[*other.task] = outcomeFrom(json);
     other.task.reset();
     return true;

@@ -182,8 +182,7 @@ class MappingSubject : public ScanSubject {
       if (o.measure == Measure::kScanLikelihood) {
         outcome.objectives.push_back({{kWholeRun, -result.quality.held_out_log_likelihood}});
       } else {
-        outcome.objectives.push_back(
-            trajectoryScores(o, result.trajectory, drive, gridOf(drive)));
+        outcome.objectives.push_back(trajectoryScores(o, result.trajectory, drive, gridOf(drive)));
       }
     }
     return outcome;

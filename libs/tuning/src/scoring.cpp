@@ -24,7 +24,8 @@ struct Pair {
 };
 using Piece = std::vector<Pair>;
 
-using Key = std::tuple<std::size_t, std::size_t, std::uint64_t, int>;  // objective, drive, seed, block
+using Key =
+    std::tuple<std::size_t, std::size_t, std::uint64_t, int>;  // objective, drive, seed, block
 
 std::map<Key, double> byKey(const Evaluation& e) {
   std::map<Key, double> scores;
@@ -47,8 +48,7 @@ std::vector<Piece> piecesOf(const Evaluation& defaults, const Evaluation& other)
     const auto it = after.find(key);
     if (it == after.end()) continue;
     const auto& [objective, drive, seed, block] = key;
-    pieces[{drive, block, block == kWholeRun ? seed : 0}].push_back(
-        {objective, value, it->second});
+    pieces[{drive, block, block == kWholeRun ? seed : 0}].push_back({objective, value, it->second});
   }
   std::vector<Piece> list;
   for (auto& entry : pieces) list.push_back(std::move(entry.second));
@@ -78,9 +78,8 @@ double levelOf(Measure measure, std::vector<double> v) {
   }
   const auto worst = std::max<std::size_t>(1, v.size() / 5);
   std::sort(v.begin(), v.end());
-  const double tail =
-      std::accumulate(v.end() - static_cast<std::ptrdiff_t>(worst), v.end(), 0.0) /
-      static_cast<double>(worst);
+  const double tail = std::accumulate(v.end() - static_cast<std::ptrdiff_t>(worst), v.end(), 0.0) /
+                      static_cast<double>(worst);
   return (mean(v) + 0.5 * tail) / 1.5;
 }
 
@@ -144,8 +143,8 @@ std::string whyNotComparable(const Evaluation& defaults, const Evaluation& other
     common += before.count(key);
   }
   if (static_cast<double>(common) < kFewestShare * static_cast<double>(before.size())) {
-    return "gives a number for " + std::to_string(common) + " of " +
-           std::to_string(before.size()) + " blocks only";
+    return "gives a number for " + std::to_string(common) + " of " + std::to_string(before.size()) +
+           " blocks only";
   }
   return before.empty() ? "the defaults give no number" : "";
 }

@@ -14,8 +14,8 @@
 namespace vestibule::tuning {
 namespace {
 
-constexpr double kFirstStep = 0.1;         // of a local search, in the unit cube
-constexpr double kSmallestStep = 1e-3;     // where it ends
+constexpr double kFirstStep = 0.1;            // of a local search, in the unit cube
+constexpr double kSmallestStep = 1e-3;        // where it ends
 constexpr std::size_t kDirectDimensions = 6;  // up to here dividing the cube pays
 
 std::string nameOf(nlopt::algorithm a) {
@@ -154,8 +154,7 @@ double distanceInCube(const std::vector<double>& a, const std::vector<double>& b
   return largest;
 }
 
-Search::Search(
-    const SearchSpec& spec, std::vector<double> start, bool smooth, std::uint64_t seed)
+Search::Search(const SearchSpec& spec, std::vector<double> start, bool smooth, std::uint64_t seed)
     : spec_(spec), start_(std::move(start)), smooth_(smooth), seed_(seed) {}
 
 Search::~Search() = default;
@@ -181,9 +180,8 @@ void Search::startLocal() {
   islands_.clear();
   const int left = spec_.evaluations - static_cast<int>(tried_.size());
   if (spec_.local == LocalAlgorithm::kNone || left < spec_.islands) return;
-  std::stable_sort(tried_.begin(), tried_.end(), [](const Tried& a, const Tried& b) {
-    return a.cost < b.cost;
-  });
+  std::stable_sort(
+      tried_.begin(), tried_.end(), [](const Tried& a, const Tried& b) { return a.cost < b.cost; });
   std::vector<std::vector<double>> starts;
   for (const Tried& t : tried_) {
     const bool apart = std::all_of(starts.begin(), starts.end(), [&t](const auto& s) {

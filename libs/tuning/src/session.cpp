@@ -73,8 +73,7 @@ bool measurable(SubjectKind subject, Measure measure) {
     case SubjectKind::kEkf:
       return measure != Measure::kRelations && measure != Measure::kScanLikelihood;
     case SubjectKind::kAmcl:
-      return measure == Measure::kApe || measure == Measure::kRpe ||
-             measure == Measure::kRelations;
+      return measure == Measure::kApe || measure == Measure::kRpe || measure == Measure::kRelations;
     case SubjectKind::kMapping:
       return measure == Measure::kApe || measure == Measure::kRpe ||
              measure == Measure::kRelations || measure == Measure::kScanLikelihood;
@@ -139,7 +138,9 @@ void checkParameters(Problems& problems, const Session& session) {
       } catch (const ConfigError& e) {
         const std::string text = e.what();  // "tuned values:3: ekf....: must be > 0"
         problems.add(
-            p.where, "parameters", "at " + shortNumber(end) + ": " + text.substr(text.find(' ', 13) + 1));
+            p.where,
+            "parameters",
+            "at " + shortNumber(end) + ": " + text.substr(text.find(' ', 13) + 1));
       }
     }
   }

@@ -33,8 +33,8 @@ Outcome TaskRunner::run(const Task& task) const {
   const double limit = session_.limits.cpu_ms_per_data_s;
   const double used = 1e3 * (cpuSeconds() - before_s) / std::max(data_s, 1e-3);
   if (outcome.failure.empty() && limit > 0.0 && used > limit) {
-    outcome.failure = "needs " + shortNumber(used) + " ms of CPU per second of data, the limit is " +
-                      shortNumber(limit);
+    outcome.failure = "needs " + shortNumber(used) +
+                      " ms of CPU per second of data, the limit is " + shortNumber(limit);
   }
   return outcome;
 }
@@ -49,7 +49,8 @@ std::vector<Outcome> ThreadWorkers::run(
   const std::size_t portion = threads_ * 4;
   for (std::size_t from = 0; from < tasks.size(); from += portion) {
     const std::size_t n = std::min(portion, tasks.size() - from);
-    parallelFor(n, threads_, [&](std::size_t i) { outcomes[from + i] = runner_.run(tasks[from + i]); });
+    parallelFor(
+        n, threads_, [&](std::size_t i) { outcomes[from + i] = runner_.run(tasks[from + i]); });
     heartbeat();
   }
   return outcomes;

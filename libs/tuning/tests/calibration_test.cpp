@@ -25,7 +25,8 @@ struct Formula {
   metrics::Trajectory truth;
 };
 
-Formula driven(const WheelGeometry& g, double track_m, const std::function<Eigen::Vector2d(double)>& v_w) {
+Formula driven(
+    const WheelGeometry& g, double track_m, const std::function<Eigen::Vector2d(double)>& v_w) {
   Formula f;
   RandomStream random(5, "wheels");
   Pose2 T;
@@ -41,8 +42,8 @@ Formula driven(const WheelGeometry& g, double track_m, const std::function<Eigen
       const double V_l = (vw.x() - vw.y() * g.icr_left_m) / g.scale_left;
       const double V_r = (vw.x() - vw.y() * g.icr_right_m) / g.scale_right;
       const double noise = 1.0 + 0.02 * random.normal();
-      m.T_previous_now = expSe2(
-          {0.5 * kDt_s * (V_l + V_r) * noise, 0.0, kDt_s * (V_r - V_l) / track_m * noise});
+      m.T_previous_now =
+          expSe2({0.5 * kDt_s * (V_l + V_r) * noise, 0.0, kDt_s * (V_r - V_l) / track_m * noise});
     }
     f.odometry.push_back(m);
     f.truth.push_back({stamp, T});
@@ -104,8 +105,9 @@ TEST(CalibrateOdometry, TooShortADriveIsRefused) {
   EXPECT_THROW((void)calibrateOdometry(f.odometry, f.truth, true, kTrack_m), InputError);
 }
 
-/// Bars: ICR 1.5 x track and 3 % scale within 2 %, 80 ms latency within 10 ms, 0.4 m lever arm within
-/// 0.05 m, all on one simulated drive; the lever arm and the latency are not known beforehand.
+/// Bars: ICR 1.5 x track and 3 % scale within 2 %, 80 ms latency within 10 ms, 0.4 m lever arm
+/// within 0.05 m, all on one simulated drive; the lever arm and the latency are not known
+/// beforehand.
 TEST(Calibrate, ASimulatedDriveGivesItsRobotBack) {
   const TempFolder folder;
   const std::string log = folder / "drive.rawlog";

@@ -113,10 +113,10 @@ TEST(Engine, KeepsTheDefaultsWhereTheyAreTheBest) {
 }
 
 TEST(Engine, SmallGainIsNotWorthAChange) {
-  const TuningResult r = tuned(
-      twoParameters(), FormulaSubject([](double gyro, double, RandomStream& random) {
-        return 1.0 + 0.03 * std::pow(std::log10(gyro / 5e-4), 2) + 1e-4 * random.normal();
-      }));
+  const TuningResult r =
+      tuned(twoParameters(), FormulaSubject([](double gyro, double, RandomStream& random) {
+              return 1.0 + 0.03 * std::pow(std::log10(gyro / 5e-4), 2) + 1e-4 * random.normal();
+            }));
   EXPECT_FALSE(r.accepted);
   EXPECT_TRUE(r.validation.significant(0.95));
   EXPECT_THAT(r.verdict, HasSubstr("the gain is below 5 %"));
@@ -127,8 +127,8 @@ TEST(Engine, DefaultsThatCannotRunAreAnInputError) {
   EXPECT_THROW((void)tuned(twoParameters(), broken), InputError);
 }
 
-/// Errors that no parameter changes: whatever the search finds is luck. The bar is 95 of 100; with a
-/// two-sided 95 % test and 5 % least gain about 1 in 100 gets through.
+/// Errors that no parameter changes: whatever the search finds is luck. The bar is 95 of 100; with
+/// a two-sided 95 % test and 5 % least gain about 1 in 100 gets through.
 TEST(Engine, APureNoiseObjectiveIsRefused) {
   const FormulaSubject noise(
       [](double, double, RandomStream& random) { return random.exponential(1.0); });

@@ -100,7 +100,9 @@ class DriveSubject : public Subject {
     }
     return outcome;
   }
-  [[nodiscard]] Paths paths(const pipeline::Config&, Role, std::size_t) const override { return {}; }
+  [[nodiscard]] Paths paths(const pipeline::Config&, Role, std::size_t) const override {
+    return {};
+  }
 
  private:
   void add(Role role, std::uint64_t seed) {

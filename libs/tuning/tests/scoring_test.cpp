@@ -32,14 +32,13 @@ TEST(Scoring, CostOfTheDefaultsIsOne) {
 
 TEST(Scoring, MetresAreARatioAndLogarithmsADifference) {
   EXPECT_NEAR(relativeCost(kMetres, scored({2, 4, 6}), scored({1, 2, 3})), 0.5, 1e-12);
-  EXPECT_NEAR(
-      relativeCost(kLogs, scored({-1, -2, 6}), scored({-2, -3, 5})), std::exp(-1.0), 1e-12);
+  EXPECT_NEAR(relativeCost(kLogs, scored({-1, -2, 6}), scored({-2, -3, 5})), std::exp(-1.0), 1e-12);
 }
 
 TEST(Scoring, AConsistentFilterHasNeesOfOne) {
   const std::vector<Objective> nees{Objective{Measure::kNees, 1.0, 30.0, 10.0, {}}};
-  const Evaluation over = scored({0.1, 0.1, 0.1});   // claims three times its error
-  const Evaluation under = scored({10, 10, 10});     // claims a third of it
+  const Evaluation over = scored({0.1, 0.1, 0.1});  // claims three times its error
+  const Evaluation under = scored({10, 10, 10});    // claims a third of it
   EXPECT_NEAR(relativeCost(nees, over, under), 1.0, 1e-9);
   EXPECT_LT(relativeCost(nees, over, scored({1.1, 0.9, 1.0})), 0.11);
 }

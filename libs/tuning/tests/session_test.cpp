@@ -86,10 +86,12 @@ TEST(Session, EverythingWrongIsSaidAtOnceWithItsLine) {
 
 TEST(Session, RangesMustBeWhatTheConfigurationTakes) {
   EXPECT_THAT(
-      complaint(replaced(kGood, "ekf.gyro.noise_rad_sqrt_s, from: 0.0002", "ekf.wheels.scale_sigma, from: 1e-9")),
+      complaint(replaced(
+          kGood, "ekf.gyro.noise_rad_sqrt_s, from: 0.0002", "ekf.wheels.scale_sigma, from: 1e-9")),
       AllOf(HasSubstr("s.yaml:2: parameters: at 1e-09"), HasSubstr("ekf.wheels.scale_sigma")));
   EXPECT_THAT(
-      complaint(replaced(kGood, "from: 0.0002", "from: 0")), HasSubstr("a log scale needs a range above 0"));
+      complaint(replaced(kGood, "from: 0.0002", "from: 0")),
+      HasSubstr("a log scale needs a range above 0"));
 }
 
 TEST(Session, ASetMayNotSeeTheSecondsOfAnother) {
@@ -97,8 +99,8 @@ TEST(Session, ASetMayNotSeeTheSecondsOfAnother) {
   const auto with = [&log](const std::string& training, const std::string& validation) {
     return complaint(
         "parameters:\n  - {name: ekf.gyro.noise_rad_sqrt_s, from: 0.0002, to: 0.02}\n"
-        "recordings:\n  training:\n    - {log: " + log + training +
-        "}\n  validation:\n    - {log: " + log + validation +
+        "recordings:\n  training:\n    - {log: " +
+        log + training + "}\n  validation:\n    - {log: " + log + validation +
         "}\nobjectives:\n  - {measure: nis}\n");
   };
   EXPECT_EQ(with(", blocks: even", ", blocks: odd"), "no complaint");
@@ -110,9 +112,11 @@ TEST(Session, NeedsWhatItsSubjectNeeds) {
   const std::string log = shipped("datasets/husky_gnss/test1.bag");
   EXPECT_THAT(
       complaint(
-          "tune: amcl\nparameters:\n  - {name: amcl.likelihood_field.sigma_hit_m, from: 0.01, to: 1}\n"
-          "recordings:\n  training:\n    - {log: " + log + ", blocks: even}\n  validation:\n    - {log: " +
-          log + ", blocks: odd}\nobjectives:\n  - {measure: relations}\n"),
+          "tune: amcl\nparameters:\n  - {name: amcl.likelihood_field.sigma_hit_m, from: 0.01, to: "
+          "1}\n"
+          "recordings:\n  training:\n    - {log: " +
+          log + ", blocks: even}\n  validation:\n    - {log: " + log +
+          ", blocks: odd}\nobjectives:\n  - {measure: relations}\n"),
       AllOf(HasSubstr("amcl needs a map"), HasSubstr("needs a relations file")));
 }
 

@@ -18,7 +18,9 @@ class FormulaSubject : public Subject {
   explicit FormulaSubject(Formula formula, int blocks = 12)
       : formula_(std::move(formula)), blocks_(blocks) {}
 
-  [[nodiscard]] std::size_t drives(Role role) const override { return role == Role::kFinal ? 0 : 2; }
+  [[nodiscard]] std::size_t drives(Role role) const override {
+    return role == Role::kFinal ? 0 : 2;
+  }
   [[nodiscard]] std::string name(Role role, std::size_t drive) const override {
     return std::string(toString(role)) + " " + std::to_string(drive);
   }
@@ -43,7 +45,9 @@ class FormulaSubject : public Subject {
     }
     return outcome;
   }
-  [[nodiscard]] Paths paths(const pipeline::Config&, Role, std::size_t) const override { return {}; }
+  [[nodiscard]] Paths paths(const pipeline::Config&, Role, std::size_t) const override {
+    return {};
+  }
 
  private:
   Formula formula_;

@@ -48,7 +48,8 @@ struct WheelGeometry {
   double icr_x_m = 0.0;      ///< x_v
 };
 
-/// Errors of a 4 m square driven both ways with the uncorrected odometry (Borenstein and Feng 1996).
+/// Errors of a 4 m square driven both ways with the uncorrected odometry (Borenstein and Feng
+/// 1996).
 struct UmbMark {
   Point2 gravity_cw;  ///< [m] true end minus odometry's, clockwise
   Point2 gravity_ccw;

@@ -50,7 +50,7 @@ struct Candidate {
 
 struct TuningResult {
   std::vector<double> defaults;
-  std::vector<double> winner;  ///< the defaults themselves when nothing was better
+  std::vector<double> winner;    ///< the defaults themselves when nothing was better
   std::vector<Candidate> tried;  ///< of the search, in order
   std::string algorithms;
   bool stopped_early = false;

@@ -32,8 +32,9 @@ class MpiWorld {
 /// Whether this process was started by an mpirun (Open MPI, MPICH or Slurm's srun with PMIx).
 [[nodiscard]] bool launchedByMpi();
 
-/// Rank 0 hands out tasks one at a time and does some itself. A rank that died (on this machine), or
-/// does not answer for much longer than any other took, is given up and its task handed out again.
+/// Rank 0 hands out tasks one at a time and does some itself. A rank that died (on this machine),
+/// or does not answer for much longer than any other took, is given up and its task handed out
+/// again.
 class MpiWorkers : public Workers {
  public:
   MpiWorkers(const TaskRunner& runner, MpiWorld& world);

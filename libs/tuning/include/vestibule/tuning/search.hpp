@@ -19,8 +19,7 @@ class Search {
  public:
   /// \param start   where a search without a global stage begins
   /// \param smooth  the cost is smooth in the parameters: a quadratic model will fit
-  Search(
-      const SearchSpec& spec, std::vector<double> start, bool smooth, std::uint64_t seed);
+  Search(const SearchSpec& spec, std::vector<double> start, bool smooth, std::uint64_t seed);
   Search(const Search&) = delete;
   Search& operator=(const Search&) = delete;
   ~Search();

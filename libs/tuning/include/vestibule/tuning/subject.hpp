@@ -20,7 +20,7 @@ inline constexpr int kWholeRun = -1;
 /// What became of one run.
 struct Outcome {
   std::vector<std::vector<Score>> objectives;  ///< in the order of the session
-  std::string failure;                         ///< why the run counts as failed; empty = it does not
+  std::string failure;  ///< why the run counts as failed; empty = it does not
 };
 
 /// What is tuned: runs that depend on a configuration. A run may be asked for from any thread and
