@@ -2,6 +2,7 @@
 foreach(component IN ITEMS math poses random maps obs slam nav io serialization bayes)
   find_package(mrpt-${component} 2.5 REQUIRED)
 endforeach()
+find_package(MPI REQUIRED COMPONENTS C)
 find_package(yaml-cpp REQUIRED)
 find_package(CLI11 REQUIRED)
 find_package(nlohmann_json REQUIRED)
@@ -39,6 +40,14 @@ endforeach()
 foreach(folder IN ITEMS pluginlib class_loader ament_index_cpp rcutils rcpputils)
   target_include_directories(vestibule_rosbag SYSTEM INTERFACE /usr/include/${folder})
 endforeach()
+
+# Debian splits NLopt in a C and a C++ package whose CMake files carry one name.
+find_path(NLOPT_INCLUDE_DIR nlopt.hpp REQUIRED)
+find_library(NLOPT_LIBRARY nlopt_cxx REQUIRED)
+add_library(vestibule_nlopt SHARED IMPORTED)
+set_target_properties(
+  vestibule_nlopt PROPERTIES IMPORTED_LOCATION ${NLOPT_LIBRARY}
+                             INTERFACE_INCLUDE_DIRECTORIES ${NLOPT_INCLUDE_DIR})
 
 find_package(sdformat12 REQUIRED)
 add_library(vestibule_sdformat ALIAS sdformat12::sdformat12)

@@ -58,6 +58,8 @@ int run(int argc, char** argv) {
   addEval(app, exit_code);
   addBench(app, exit_code);
   addConvert(app, exit_code);
+  addTune(app, exit_code);
+  addCalibrate(app, exit_code);
   try {
     app.parse(argc, argv);
   } catch (const CLI::CallForHelp& e) {

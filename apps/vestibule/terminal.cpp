@@ -34,6 +34,12 @@ void checkInterrupted() {
   if (interrupt_requested != 0) throw Interrupted();
 }
 
+bool takeInterrupt() {
+  const bool requested = interrupt_requested != 0;
+  interrupt_requested = 0;
+  return requested;
+}
+
 ProgressBar::ProgressBar(std::string label)
     : label_(std::move(label)),
       start_(std::chrono::steady_clock::now()),

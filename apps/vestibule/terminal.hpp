@@ -20,6 +20,8 @@ class Interrupted : public std::runtime_error {
 void installSignalHandlers();
 /// Throws Interrupted once a signal has come.
 void checkInterrupted();
+/// Whether a signal has come since the last time; for runs that end gracefully.
+[[nodiscard]] bool takeInterrupt();
 
 /// A line on the terminal with share, rate and time left; silent when standard error is not one.
 /// Also where a run notices Ctrl-C.

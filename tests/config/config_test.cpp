@@ -23,6 +23,7 @@
 #include "vestibule/sim/scenario.hpp"
 #include "vestibule/sim/simulator.hpp"
 #include "vestibule/sim/world.hpp"
+#include "vestibule/tuning/session.hpp"
 
 namespace vestibule {
 namespace {
@@ -105,6 +106,10 @@ const std::vector<std::pair<std::string, std::function<void(const std::string&)>
       {"config/gmapping",
        [](const std::string& path) { (void)loadParams<mapping::GmappingNames>(path); }},
       {"config/sim", [](const std::string& path) { (void)loadParams<sim::SimParams>(path); }},
+      {"config/tuning",
+       [](const std::string& path) {
+         (void)tuning::loadSession(path, shipped("config/scenarios"));
+       }},
       {"config/scenarios",
        [](const std::string& path) { (void)sim::loadScenario(path, shipped("config/scenarios")); }},
       {"config/sites", [](const std::string& path) { (void)geo::loadSite(path); }},

@@ -1,0 +1,284 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+
+#include "commands.hpp"
+#include "run_output.hpp"
+#include "terminal.hpp"
+#include "vestibule/core/errors.hpp"
+#include "vestibule/gui_headless/charts.hpp"
+#include "vestibule/pipeline/fuse.hpp"
+#include "vestibule/tuning/calibration.hpp"
+#include "vestibule/tuning/parameter_tree.hpp"
+
+namespace vestibule::app {
+namespace {
+
+using tuning::Calibration;
+using tuning::OdometryCalibration;
+using tuning::Quantity;
+
+struct Arguments {
+  std::string log;
+  std::string ref;
+  std::string config;
+  std::string csv_mapping;
+  double track_m = 0.0;
+  std::string out;
+};
+
+io::RecordingOptions recordingOptions(const Arguments& args, const pipeline::Config& config) {
+  io::RecordingOptions options;
+  options.rig = config.rig;
+  options.csv_mapping = args.csv_mapping;
+  options.csv_mapping_dir = shipped("config/csv");
+  return options;
+}
+
+/// Into summary, tables and on the terminal: what was found, and what was not and why.
+void report(
+    const Calibration& c, RunOutput& output, gui_headless::ReportSection& section, int& exit_code) {
+  gui_headless::Table table;
+  table.title = "Calibration";
+  table.header = {"quantity", "before", "found", "one sigma", "unit", ""};
+  std::vector<std::vector<std::string>> rows{{"", "before", "found", "one sigma", "", ""}};
+  std::size_t observed = 0;
+  for (const Quantity& q : c.quantities) {
+    Json json;
+    json["before"] = rounded(q.before, 6);
+    std::vector<std::string> row{q.name, fixed(q.before, 4)};
+    if (q.unobserved.empty()) {
+      ++observed;
+      json["value"] = rounded(q.value, 6);
+      json["sigma"] = rounded(q.sigma, 6);
+      row.insert(row.end(), {fixed(q.value, 4), fixed(q.sigma, 4), q.unit, ""});
+    } else {
+      json["unobserved"] = q.unobserved;
+      row.insert(row.end(), {"-", "-", q.unit, "not observable here: " + q.unobserved});
+    }
+    output.summary()["quantities"][q.name] = json;
+    table.rows.push_back(row);
+    rows.push_back(row);
+  }
+  section.tables.push_back(std::move(table));
+  std::printf("%s", textTable(rows).c_str());
+  if (!c.residuals_before.empty()) {
+    output.summary()["residual_before"] = rounded(c.residual_before, 6);
+    output.summary()["residual_after"] = rounded(c.residual_after, 6);
+    output.summary()["residual_unit"] = c.residual_unit;
+    std::printf(
+        "residual, RMS: %.4f %s before, %.4f %s after\n",
+        c.residual_before,
+        c.residual_unit.c_str(),
+        c.residual_after,
+        c.residual_unit.c_str());
+    section.figures.push_back(
+        figure("residual before, RMS", fixed(c.residual_before, 4), c.residual_unit));
+    section.figures.push_back(
+        figure("residual after, RMS", fixed(c.residual_after, 4), c.residual_unit));
+    gui_headless::LineChart chart;
+    chart.title = "Residuals";
+    chart.y_label = "residual [" + c.residual_unit + "]";
+    chart.series.push_back({"before", gui_headless::SeriesLook::kSecond, c.residuals_before});
+    chart.series.push_back({"after", gui_headless::SeriesLook::kEstimate, c.residuals_after});
+    section.charts.push_back(gui_headless::lineChart(chart));
+  }
+  for (const std::string& note : c.notes) section.text += (section.text.empty() ? "" : "; ") + note;
+  output.summary()["notes"] = c.notes;
+  // Nothing found: the recording failed the purpose.
+  if (observed == 0) exit_code = kFailedPurpose;
+}
+
+void finish(
+    const Arguments& args,
+    const std::string& what,
+    RunOutput& output,
+    gui_headless::ReportSection section) {
+  gui_headless::Report page;
+  page.title = "Vestibule: calibrate " + what;
+  page.subtitle = args.log;
+  page.command_line = "vestibule calibrate " + what + " " + args.log;
+  page.sections.push_back(std::move(section));
+  output.report(page);
+  output.finish();
+  std::printf("report: %s\n", output.pathOf("report.html").c_str());
+}
+
+void emitPath(const metrics::Trajectory& path, const Observers& observers) {
+  for (const metrics::TimedPose& p : path) {
+    PoseEvent event;
+    event.stamp = p.stamp;
+    event.source = PoseSource::kPublished;
+    event.T.mean = p.pose;
+    observers.emit(event);
+  }
+}
+
+std::string pathPicture(const metrics::Trajectory& path, const metrics::Trajectory& reference) {
+  gui_headless::RunRecorder recorder;
+  Observers observers;
+  observers.attach(recorder);
+  emitPath(path, observers);
+  gui_headless::Scene scene;
+  scene.reference = asReference(reference);
+  return gui_headless::renderOverview(recorder, scene);
+}
+
+void quickTable(const OdometryCalibration& c, gui_headless::ReportSection& section, Json& s) {
+  gui_headless::Table quick;
+  quick.title = "Quick procedure: straights and spins alone";
+  quick.header = {"", "value"};
+  quick.rows.push_back(
+      {"true / wheel distance on straights",
+       c.quick_scale ? fixed(*c.quick_scale, 4) : "no straight long enough"});
+  quick.rows.push_back(
+      {"effective track on spins [m]",
+       c.quick_track_m ? fixed(*c.quick_track_m, 4) : "no spin on the spot long enough"});
+  section.tables.push_back(std::move(quick));
+  if (c.quick_scale) s["quick"]["scale"] = rounded(*c.quick_scale, 6);
+  if (c.quick_track_m) s["quick"]["effective_track_m"] = rounded(*c.quick_track_m, 6);
+}
+
+void umbmarkTable(const OdometryCalibration& c, gui_headless::ReportSection& section, Json& s) {
+  const tuning::UmbMark& u = c.umbmark;
+  gui_headless::Table table;
+  table.title = "UMBmark: where a 4 m square of the uncorrected odometry truly ends";
+  table.header = {"", "value"};
+  table.rows = {
+      {"clockwise: x, y [m]", fixed(u.gravity_cw.x, 3) + ", " + fixed(u.gravity_cw.y, 3)},
+      {"counter-clockwise: x, y [m]", fixed(u.gravity_ccw.x, 3) + ", " + fixed(u.gravity_ccw.y, 3)},
+      {"alpha (track) [deg]", fixed(radToDeg(u.alpha_rad), 3)},
+      {"beta (wheel diameters) [deg]", fixed(radToDeg(u.beta_rad), 3)},
+      {"E_d, right / left wheel", fixed(u.wheel_ratio, 5)},
+      {"E_b, effective / believed track", fixed(u.track_ratio, 4)}};
+  section.tables.push_back(std::move(table));
+  s["umbmark"]["cw_m"] = {rounded(u.gravity_cw.x, 4), rounded(u.gravity_cw.y, 4)};
+  s["umbmark"]["ccw_m"] = {rounded(u.gravity_ccw.x, 4), rounded(u.gravity_ccw.y, 4)};
+  s["umbmark"]["E_d"] = rounded(u.wheel_ratio, 6);
+  s["umbmark"]["E_b"] = rounded(u.track_ratio, 6);
+}
+
+void calibrateOdometry(const Arguments& args, int& exit_code) {
+  const pipeline::Config config = pipeline::loadConfig(args.config);
+  RunOutput output(args.out, "calibrate odometry", config);
+  ProgressBar bar("calibrate odometry");
+  const auto data = tuning::readOdometry(
+      args.log, args.ref, recordingOptions(args, config), config, bar.callback());
+  const OdometryCalibration c =
+      tuning::calibrateOdometry(data.odometry, data.reference, data.has_position, args.track_m);
+  output.timing(bar.wallSeconds(), 0.0);
+  output.summary()["input"] = args.log;
+  output.summary()["reference"] = data.reference_name;
+  output.summary()["track_m"] = args.track_m;
+  gui_headless::ReportSection section;
+  section.title = "Wheels against " + data.reference_name;
+  exit_code = kDone;
+  report(c, output, section, exit_code);
+  quickTable(c, section, output.summary());
+  const bool whole = std::all_of(c.quantities.begin(), c.quantities.end(), [](const Quantity& q) {
+    return q.unobserved.empty();
+  });
+  if (whole) umbmarkTable(c, section, output.summary());
+  section.pictures.push_back(
+      {"odometry as recorded (line), reference (dashed)", pathPicture(c.before, c.reference)});
+  section.pictures.push_back(
+      {"odometry as calibrated (line), reference (dashed)", pathPicture(c.after, c.reference)});
+  output.picture("before.png", section.pictures[0].png);
+  output.picture("after.png", section.pictures[1].png);
+  output.trajectory(c.after);
+  finish(args, "odometry", output, std::move(section));
+}
+
+void calibrateOffsets(const Arguments& args, int& exit_code) {
+  const pipeline::Config config = pipeline::loadConfig(args.config);
+  RunOutput output(args.out, "calibrate offsets", config);
+  ProgressBar bar("calibrate offsets");
+  const auto offsets =
+      pipeline::estimateOffsets(args.log, recordingOptions(args, config), config, bar.callback());
+  output.timing(bar.wallSeconds(), 0.0);
+  output.summary()["input"] = args.log;
+  Calibration c;
+  for (const pipeline::StampOffset& o : offsets) {
+    Quantity q{o.sensor + " stamps late by", "s", 0.0, o.offset_s, o.sigma_s, ""};
+    constexpr double kSigma_s = 0.1;
+    if (!o.found || o.sigma_s > kSigma_s) {
+      q.unobserved =
+          "drive curves and change speed: at constant speed a delay looks like an offset";
+    }
+    c.quantities.push_back(q);
+  }
+  gui_headless::ReportSection section;
+  section.title = "Stamps of each sensor against those of the others";
+  exit_code = kDone;
+  report(c, output, section, exit_code);
+  finish(args, "offsets", output, std::move(section));
+}
+
+/// The mounting as a file for --config: what was observed, the rest as it was.
+std::string rigYaml(const Calibration& c, const pipeline::Config& config) {
+  const auto value = [&c](const char* name, double before) {
+    const Quantity* q = c.find(name);
+    return tuning::shortNumber(q != nullptr && q->unobserved.empty() ? q->value : before);
+  };
+  const Pose2& laser = config.rig.T_base_laser;
+  const Point2& antenna = config.rig.p_base_antenna;
+  return "rig:\n  laser: [" + value("laser x", laser.x) + ", " + value("laser y", laser.y) + ", " +
+         value("laser yaw", radToDeg(laser.phi)) + "]\n  antenna: [" +
+         value("antenna x", antenna.x) + ", " + value("antenna y", antenna.y) +
+         "]\n  imu_yaw_deg: " + value("IMU yaw", radToDeg(config.rig.imu_yaw_rad)) +
+         "\n  imu_upside_down: " + (config.rig.imu_sign_z < 0.0 ? "true" : "false") + "\n";
+}
+
+void calibrateMount(const Arguments& args, int& exit_code) {
+  const pipeline::Config config = pipeline::loadConfig(args.config);
+  RunOutput output(args.out, "calibrate mount", config);
+  ProgressBar bar("calibrate mount");
+  const Calibration c =
+      tuning::calibrateMount(args.log, recordingOptions(args, config), config, bar.callback());
+  output.timing(bar.wallSeconds(), 0.0);
+  output.summary()["input"] = args.log;
+  output.text("calibrated.yaml", rigYaml(c, config));
+  gui_headless::ReportSection section;
+  section.title = "Where the sensors sit";
+  exit_code = kDone;
+  report(c, output, section, exit_code);
+  finish(args, "mount", output, std::move(section));
+}
+
+CLI::App* addKind(
+    CLI::App& calibrate, const std::string& name, const std::string& text, Arguments& args) {
+  CLI::App* command = calibrate.add_subcommand(name, text);
+  command->add_option("LOG", args.log, "recording")->required();
+  command->add_option("--config", args.config, "YAML as config/default.yaml");
+  command->add_option(
+      "--csv-mapping",
+      args.csv_mapping,
+      "what the columns of a CSV mean (default: the file of config/csv that fits its header)");
+  command->add_option("--out", args.out, "output folder")->required();
+  return command;
+}
+
+}  // namespace
+
+void addCalibrate(CLI::App& app, int& exit_code) {
+  auto args = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand(
+      "calibrate", "wheels, time stamps and mounting, where the recording observes them");
+  command->require_subcommand(1);
+  CLI::App* odometry =
+      addKind(*command, "odometry", "wheel scales, centres of rotation, effective track", *args);
+  odometry->add_option("--ref", args->ref, "reference trajectory (TUM)");
+  odometry
+      ->add_option(
+          "--track", args->track_m, "distance of left and right wheels the recorder used [m]")
+      ->required()
+      ->check(CLI::Range(0.01, 10.0));
+  odometry->callback([args, &exit_code] { calibrateOdometry(*args, exit_code); });
+  addKind(*command, "offsets", "how late the stamps of each sensor are", *args)
+      ->callback([args, &exit_code] { calibrateOffsets(*args, exit_code); });
+  addKind(*command, "mount", "antenna lever arm, IMU yaw, laser pose", *args)
+      ->callback([args, &exit_code] { calibrateMount(*args, exit_code); });
+}
+
+}  // namespace vestibule::app

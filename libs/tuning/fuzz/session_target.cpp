@@ -1,0 +1,16 @@
+#include "session_target.hpp"
+
+#include "vestibule/core/errors.hpp"
+#include "vestibule/tuning/session.hpp"
+
+namespace vestibule::tuning::fuzz {
+
+void readSession(const std::string& bytes) {
+  try {
+    (void)parseSession(bytes, "fuzz.yaml", VESTIBULE_SOURCE_DIR "/config/scenarios");
+  } catch (const ConfigError&) {
+    // What was wrong was said.
+  }
+}
+
+}  // namespace vestibule::tuning::fuzz

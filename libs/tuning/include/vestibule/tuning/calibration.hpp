@@ -1,0 +1,105 @@
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "vestibule/io/recording.hpp"
+#include "vestibule/metrics/trajectory.hpp"
+#include "vestibule/pipeline/config.hpp"
+#include "vestibule/pipeline/progress.hpp"
+
+namespace vestibule::tuning {
+
+/// One calibrated quantity.
+struct Quantity {
+  std::string name;
+  std::string unit;
+  double before = 0.0;
+  double value = 0.0;
+  double sigma = 0.0;
+  /// Empty when the data observe it; else what drive would.
+  std::string unobserved;
+};
+
+struct Calibration {
+  std::vector<Quantity> quantities;
+  std::string residual_unit;
+  double residual_before = 0.0;  ///< RMS
+  double residual_after = 0.0;
+  /// (time [s], residual) of each segment or window.
+  std::vector<std::pair<double, double>> residuals_before;
+  std::vector<std::pair<double, double>> residuals_after;
+  std::vector<std::string> notes;
+
+  [[nodiscard]] const Quantity* find(const std::string& name) const;
+};
+
+/// Differential or skid-steer wheels by the centres of rotation of their treads (Mandow 2007):
+/// v_x - w y_l = a_l V_l, v_x - w y_r = a_r V_r, v_y = -w x_v. The wheel travels V are recovered
+/// from the recorded increments with the track the recorder believed in.
+struct WheelGeometry {
+  double scale_left = 1.0;   ///< a_l: true tread travel / wheel travel
+  double scale_right = 1.0;  ///< a_r
+  double icr_left_m = 0.0;   ///< y_l > 0
+  double icr_right_m = 0.0;  ///< y_r < 0
+  double icr_x_m = 0.0;      ///< x_v
+};
+
+/// Errors of a 4 m square driven both ways with the uncorrected odometry (Borenstein and Feng
+/// 1996).
+struct UmbMark {
+  Point2 gravity_cw;  ///< [m] true end minus odometry's, clockwise
+  Point2 gravity_ccw;
+  double alpha_rad = 0.0;
+  double beta_rad = 0.0;
+  double wheel_ratio = 1.0;  ///< E_d: diameter right / left
+  double track_ratio = 1.0;  ///< E_b: effective / believed track
+};
+
+struct OdometryCalibration : Calibration {
+  WheelGeometry wheels;
+  double track_m = 0.0;  ///< believed
+  UmbMark umbmark;
+  /// Straights and spins alone: scale and effective track, where there are any.
+  std::optional<double> quick_scale;
+  std::optional<double> quick_track_m;
+  metrics::Trajectory reference;
+  metrics::Trajectory before;  ///< odometry, started on the reference
+  metrics::Trajectory after;
+};
+
+/// Fits the wheels to a reference over segments of a few seconds.
+/// \param reference  T_map_base; gaps are left out
+/// \param has_position  false when the reference knows turns only
+[[nodiscard]] OdometryCalibration calibrateOdometry(
+    const std::vector<WheelOdometry>& odometry,
+    const metrics::Trajectory& reference,
+    bool has_position,
+    double track_m);
+
+/// The wheel messages of a recording, and what there is to compare with: `ref_path` (TUM), else the
+/// recording's own reference, else the smoothed GNSS/IMU/wheel path.
+struct OdometryData {
+  std::vector<WheelOdometry> odometry;
+  metrics::Trajectory reference;
+  bool has_position = false;
+  std::string reference_name;
+};
+[[nodiscard]] OdometryData readOdometry(
+    const std::string& log,
+    const std::string& ref_path,
+    const io::RecordingOptions& options,
+    const pipeline::Config& config,
+    const pipeline::Progress& progress);
+
+/// Antenna lever arm, yaw of the IMU and pose of the laser, each where the recording observes it.
+[[nodiscard]] Calibration calibrateMount(
+    const std::string& log,
+    const io::RecordingOptions& options,
+    const pipeline::Config& config,
+    const pipeline::Progress& progress);
+
+}  // namespace vestibule::tuning

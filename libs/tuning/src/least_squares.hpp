@@ -1,0 +1,25 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+
+namespace vestibule::tuning {
+
+/// A fit with its covariance. Every parameter has a weak prior about its start, so that a direction
+/// the data do not see keeps the prior's width instead of making the equations singular.
+struct Fit {
+  Eigen::VectorXd parameters;
+  Eigen::MatrixXd cov;
+  int iterations = 0;
+};
+
+/// Levenberg-Marquardt with numeric derivatives and Huber's weights.
+///
+/// \param residuals    whitened: of unit size where the model is right
+/// \param prior_sigma  of each parameter about its start
+[[nodiscard]] Fit leastSquares(
+    const std::function<Eigen::VectorXd(const Eigen::VectorXd&)>& residuals,
+    const Eigen::VectorXd& start,
+    const Eigen::VectorXd& prior_sigma);
+
+}  // namespace vestibule::tuning

@@ -1,0 +1,237 @@
+#include <fstream>
+#include <map>
+#include <optional>
+
+#include "drive_list.hpp"
+#include "kinds.hpp"
+#include "vestibule/core/errors.hpp"
+#include "vestibule/io/map_io.hpp"
+#include "vestibule/io/recording_info.hpp"
+#include "vestibule/metrics/relations.hpp"
+#include "vestibule/pipeline/localize.hpp"
+#include "vestibule/pipeline/map.hpp"
+
+namespace vestibule::tuning {
+namespace {
+
+struct Drive {
+  DriveSpec spec;
+  std::shared_ptr<const grid::OccupancyMap> map;  ///< amcl
+  metrics::Trajectory reference;
+  std::vector<metrics::Relation> relations;
+  Timestamp first;
+  Timestamp last;
+};
+
+/// Relations metric per block: the error of each relation that starts in it, on average [m].
+std::vector<Score> relationScores(
+    const metrics::Trajectory& estimate, const Drive& drive, const BlockGrid& grid) {
+  std::map<int, std::vector<metrics::Relation>> blocks;
+  for (const metrics::Relation& r : drive.relations) {
+    if (grid.scored(r.first)) blocks[grid.blockOf(r.first)].push_back(r);
+  }
+  std::vector<Score> scores;
+  for (const auto& [block, relations] : blocks) {
+    const metrics::RelationErrors errors = metrics::relationErrors(estimate, relations);
+    if (errors.matched > 0) scores.push_back({block, errors.translation_m.mean});
+  }
+  return scores;
+}
+
+/// What localization and mapping have in common: runs on a file, random, with a trajectory.
+class ScanSubject : public Subject {
+ public:
+  ScanSubject(const Session& session, const Folders& folders) : session_(session) {
+    recording_options_.csv_mapping_dir = folders.csv_mappings;
+    for (const Role role : kRoles) {
+      for (const DriveSpec& spec : drivesOf(session, role)) {
+        drives_[role].push_back(load(spec, folders));
+      }
+    }
+  }
+
+  [[nodiscard]] std::size_t drives(Role role) const override {
+    const auto it = drives_.find(role);
+    return it == drives_.end() ? 0 : it->second.size();
+  }
+  [[nodiscard]] std::string name(Role role, std::size_t drive) const override {
+    return at(role, drive).spec.name();
+  }
+  [[nodiscard]] double seconds(Role role, std::size_t drive) const override {
+    return toSeconds(at(role, drive).last - at(role, drive).first);
+  }
+  [[nodiscard]] bool random() const override { return true; }
+
+ protected:
+  [[nodiscard]] const Drive& at(Role role, std::size_t drive) const {
+    return drives_.at(role)[drive];
+  }
+  [[nodiscard]] io::RecordingOptions recordingOptions(const pipeline::Config& config) const {
+    io::RecordingOptions options = recording_options_;
+    options.rig = config.rig;
+    return options;
+  }
+  [[nodiscard]] BlockGrid gridOf(const Drive& drive) const {
+    return {drive.first, session_.block_s, drive.spec.recording->blocks};
+  }
+  /// What needs a trajectory only.
+  static std::vector<Score> trajectoryScores(
+      const Objective& o,
+      const metrics::Trajectory& trajectory,
+      const Drive& drive,
+      const BlockGrid& grid) {
+    switch (o.measure) {
+      case Measure::kApe:
+        return apeScores(trajectory, drive.reference, grid);
+      case Measure::kRpe:
+        return rpeScores(trajectory, drive.reference, o.step_s, grid);
+      case Measure::kRelations:
+        return relationScores(trajectory, drive, grid);
+      default:
+        return {};
+    }
+  }
+
+  const Session& session_;
+
+ private:
+  Drive load(const DriveSpec& spec, const Folders& folders) const {
+    Drive drive;
+    drive.spec = spec;
+    const RecordingSpec& r = *spec.recording;
+    const auto info = io::inspectRecording(r.log, recordingOptions(session_.base));
+    if (!info.first || !info.last) {
+      throw InputError(r.log + ": nothing with a stamp in it (see vestibule info)");
+    }
+    drive.first = *info.first;
+    drive.last = *info.last;
+    if (!r.map.empty()) drive.map = std::make_shared<const grid::OccupancyMap>(io::loadMap(r.map));
+    drive.reference = referenceOf(r, session_.base.rig, folders);
+    if (!r.relations.empty()) {
+      std::ifstream in(r.relations);
+      drive.relations = metrics::parseRelations(in, r.relations);
+    }
+    if ((wants(session_, Measure::kApe) || wants(session_, Measure::kRpe)) &&
+        drive.reference.empty()) {
+      throw InputError(
+          r.log + ": the session's objectives compare with a reference; give ref: in " +
+          r.where.text());
+    }
+    return drive;
+  }
+
+  io::RecordingOptions recording_options_;
+  std::map<Role, std::vector<Drive>> drives_;
+};
+
+class AmclSubject : public ScanSubject {
+ public:
+  using ScanSubject::ScanSubject;
+
+  [[nodiscard]] Outcome run(
+      const pipeline::Config& config,
+      Role role,
+      std::size_t index,
+      std::uint64_t seed) const override {
+    const Drive& drive = at(role, index);
+    const metrics::Trajectory trajectory = localized(config, drive, seed);
+    Outcome outcome;
+    for (const Objective& o : session_.objectives) {
+      outcome.objectives.push_back(trajectoryScores(o, trajectory, drive, gridOf(drive)));
+    }
+    return outcome;
+  }
+
+  [[nodiscard]] Paths paths(
+      const pipeline::Config& config, Role role, std::size_t index) const override {
+    const Drive& drive = at(role, index);
+    return {localized(config, drive, session_.seeds.first), drive.reference};
+  }
+
+ private:
+  metrics::Trajectory localized(
+      const pipeline::Config& config, const Drive& drive, std::uint64_t seed) const {
+    pipeline::Config seeded = config;
+    seeded.seed = seed;
+    seeded.amcl.threads = 1;
+    return pipeline::localize(
+               drive.spec.recording->log,
+               recordingOptions(config),
+               drive.map,
+               drive.spec.recording->init,
+               seeded,
+               Observers{},
+               [](double, double) {})
+        .trajectory;
+  }
+};
+
+class MappingSubject : public ScanSubject {
+ public:
+  using ScanSubject::ScanSubject;
+
+  [[nodiscard]] Outcome run(
+      const pipeline::Config& config,
+      Role role,
+      std::size_t index,
+      std::uint64_t seed) const override {
+    const Drive& drive = at(role, index);
+    const pipeline::MapDriveResult result = mapped(config, drive, seed);
+    Outcome outcome;
+    for (const Objective& o : session_.objectives) {
+      if (o.measure == Measure::kScanLikelihood) {
+        outcome.objectives.push_back({{kWholeRun, -result.quality.held_out_log_likelihood}});
+      } else {
+        outcome.objectives.push_back(trajectoryScores(o, result.trajectory, drive, gridOf(drive)));
+      }
+    }
+    return outcome;
+  }
+
+  [[nodiscard]] Paths paths(
+      const pipeline::Config& config, Role role, std::size_t index) const override {
+    const Drive& drive = at(role, index);
+    return {mapped(config, drive, session_.seeds.first).trajectory, drive.reference};
+  }
+
+ private:
+  pipeline::MapDriveResult mapped(
+      const pipeline::Config& config, const Drive& drive, std::uint64_t seed) const {
+    pipeline::Config seeded = config;
+    seeded.seed = seed;
+    seeded.mapping.filter.threads = 1;
+    seeded.mapping.finish.threads = 1;
+    return pipeline::mapDrive(
+        drive.spec.recording->log,
+        recordingOptions(config),
+        {},
+        seeded,
+        Observers{},
+        [](double, double) {});
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Subject> makeAmclSubject(const Session& session, const Folders& folders) {
+  return std::make_unique<AmclSubject>(session, folders);
+}
+
+std::unique_ptr<Subject> makeMappingSubject(const Session& session, const Folders& folders) {
+  return std::make_unique<MappingSubject>(session, folders);
+}
+
+std::unique_ptr<Subject> makeSubject(
+    const Session& session, const Folders& folders, const pipeline::Progress& progress) {
+  switch (session.subject) {
+    case SubjectKind::kAmcl:
+      return makeAmclSubject(session, folders);
+    case SubjectKind::kMapping:
+      return makeMappingSubject(session, folders);
+    case SubjectKind::kEkf:
+      break;
+  }
+  return makeEkfSubject(session, folders, progress);
+}
+
+}  // namespace vestibule::tuning
