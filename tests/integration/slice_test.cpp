@@ -65,7 +65,8 @@ TEST(SlicedSweeps, KeepPolesAndDrawTheSlopeAtItsFoot) {
   EXPECT_GE(occupiedNear(room.map, 4.5, 0.5, 0.2), 2) << "plant";
   EXPECT_GE(occupiedNear(room.map, 0.6, 2.3, 0.35), 8) << "cube";
   // A slope starts at y = 6.65, for x in [3.6, 4.8]: its foot is a wall without gaps, and nothing
-  // stands before it. Behind it single cells remain where it was seen along its face: no second wall.
+  // stands before it. Behind it single cells remain where it was seen along its face: no second
+  // wall.
   int columns = 0;
   int doubled = 0;
   for (double x = 3.75; x <= 4.65; x += 0.05) {

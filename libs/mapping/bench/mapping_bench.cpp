@@ -1,6 +1,6 @@
 // One update of the particle filter, per particle, and its parts, beside what MRPT offers for the
-// same work: ICP of two scans for the match, the copy of a whole grid for resampling. 180 beams in a
-// hall of 20 x 16 m.
+// same work: ICP of two scans for the match, the copy of a whole grid for resampling. 180 beams in
+// a hall of 20 x 16 m.
 
 #include <benchmark/benchmark.h>
 #include <mrpt/maps/COccupancyGridMap2D.h>

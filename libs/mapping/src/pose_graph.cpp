@@ -222,8 +222,7 @@ std::vector<Pose2> stepped(
   return next;
 }
 
-std::string g2oOf(
-    const std::vector<Pose2>& poses, const std::vector<PoseConstraint>& constraints) {
+std::string g2oOf(const std::vector<Pose2>& poses, const std::vector<PoseConstraint>& constraints) {
   std::string text;
   std::array<char, 512> line{};
   for (std::size_t i = 0; i < poses.size(); ++i) {

@@ -17,8 +17,7 @@ class ScanIntegrator {
  public:
   /// \param free_range_m  free space farther from the laser is not written; walls are
   explicit ScanIntegrator(
-      const FilterMapParams& params,
-      double free_range_m = std::numeric_limits<double>::infinity());
+      const FilterMapParams& params, double free_range_m = std::numeric_limits<double>::infinity());
 
   void integrate(PatchMap& map, const LaserScan& scan, const Pose2& T_map_base);
 
