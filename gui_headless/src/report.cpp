@@ -59,7 +59,7 @@ td.bar { color: var(--muted); white-space: nowrap; } td.note { color: var(--mute
 .mode { display: inline-block; width: 10px; height: 10px; border-radius: 3px; margin-right: 7px; }
 figure { margin: 4px 0 20px; }
 figure img { display: block; max-width: 100%; height: auto; border-radius: 8px; }
-.gallery { display: grid; grid-template-columns: repeat(auto-fill, minmax(320px, 1fr)); gap: 0 18px; }
+.gallery { display: grid; grid-template-columns: repeat(auto-fit, minmax(320px, 1fr)); gap: 0 18px; }
 figcaption { color: var(--muted); font-size: 13.5px; margin-top: 6px; }
 .chart { display: block; width: 100%; height: auto; margin: 4px 0 16px; font-family: inherit; }
 .chart text { font-variant-numeric: tabular-nums; }

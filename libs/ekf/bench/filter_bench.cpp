@@ -190,3 +190,5 @@ BENCHMARK(lateFix)->Unit(benchmark::kMicrosecond)->Iterations(2000);
 
 }  // namespace
 }  // namespace vestibule::ekf
+
+BENCHMARK_MAIN();

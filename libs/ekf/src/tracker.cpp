@@ -148,13 +148,8 @@ void Tracker::keepWithinBounds() {
   }
 }
 
-UpdateReport Tracker::offer(Observation z, double inflation) {
+UpdateReport Tracker::tested(const Observation& z) const {
   UpdateReport report;
-  if (!z.finite()) {
-    report.decision = Decision::kRejected;
-    report.reason = "not finite";
-    return report;
-  }
   report.dof = z.rows;
   report.gate = shared_->gate.limit(report.dof);
   const Innovation innovation = shared_->engine->innovation(P_, z);
@@ -163,8 +158,19 @@ UpdateReport Tracker::offer(Observation z, double inflation) {
   if (!(report.nis <= report.gate)) {
     report.decision = Decision::kGated;
     report.reason = "chi2";
+  }
+  return report;
+}
+
+UpdateReport Tracker::offer(Observation z, double inflation) {
+  if (!z.finite()) {
+    UpdateReport report;
+    report.decision = Decision::kRejected;
+    report.reason = "not finite";
     return report;
   }
+  UpdateReport report = tested(z);
+  if (report.decision == Decision::kGated) return report;
   const double soft = shared_->gate.soft(report.dof);
   if (report.nis > soft) {
     report.decision = Decision::kDownWeighted;
@@ -312,26 +318,13 @@ void Tracker::forgetGnssError() {
 
 Tracker::GnssTest Tracker::testGnss(
     const Eigen::Vector3d& p_map_antenna, const Eigen::Vector3d& p_base_antenna) const {
-  const auto test = [this](const Observation& z) {
-    UpdateReport report;
-    report.dof = z.rows;
-    report.gate = shared_->gate.limit(z.rows);
-    const Innovation innovation = shared_->engine->innovation(P_, z);
-    report.nis = innovation.nis;
-    report.log_det = std::log(innovation.S.determinant());
-    if (!(report.nis <= report.gate)) {
-      report.decision = Decision::kGated;
-      report.reason = "chi2";
-    }
-    return report;
-  };
   Observation z = shared_->model.gnssPosition(x_, p_map_antenna, p_base_antenna, gnss_.white);
   GnssTest result;
-  result.against_last = test(z);
+  result.against_last = tested(z);
   z.residual += x_.gnss_bias;
   z.H.middleCols<3>(kGnssBias).setZero();
   z.R += squared(gnss_.slow_sigma_m) * Eigen::Matrix3d::Identity();
-  result.against_any = test(z);
+  result.against_any = tested(z);
   return result;
 }
 

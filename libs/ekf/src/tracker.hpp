@@ -88,6 +88,8 @@ class Tracker {
   [[nodiscard]] bool usable() const { return x_.allFinite() && P_.allFinite(); }
 
  private:
+  /// The gate alone: what `z` would meet.
+  [[nodiscard]] UpdateReport tested(const Observation& z) const;
   void learnHeadingOffset(double mean_rad, double sigma_rad);
   void learnDisturbance(const UpdateReport& report, const Heading& heading, double residual_rad);
   void update(const Observation& z);

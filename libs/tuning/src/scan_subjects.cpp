@@ -62,6 +62,26 @@ class ScanSubject : public Subject {
   }
   [[nodiscard]] bool random() const override { return true; }
 
+  [[nodiscard]] Outcome run(
+      const pipeline::Config& config,
+      Role role,
+      std::size_t index,
+      std::uint64_t seed) const override {
+    const Drive& drive = at(role, index);
+    const Product product = produced(config, drive, seed);
+    Outcome outcome;
+    for (const Objective& o : session_.objectives) {
+      outcome.objectives.push_back(scores(o, product, drive));
+    }
+    return outcome;
+  }
+
+  [[nodiscard]] Paths paths(
+      const pipeline::Config& config, Role role, std::size_t index) const override {
+    const Drive& drive = at(role, index);
+    return {produced(config, drive, session_.seeds.first).trajectory, drive.reference};
+  }
+
  protected:
   [[nodiscard]] const Drive& at(Role role, std::size_t drive) const {
     return drives_.at(role)[drive];
@@ -71,30 +91,34 @@ class ScanSubject : public Subject {
     options.rig = config.rig;
     return options;
   }
-  [[nodiscard]] BlockGrid gridOf(const Drive& drive) const {
-    return {drive.first, session_.block_s, drive.spec.recording->blocks};
-  }
-  /// What needs a trajectory only.
-  static std::vector<Score> trajectoryScores(
-      const Objective& o,
-      const metrics::Trajectory& trajectory,
-      const Drive& drive,
-      const BlockGrid& grid) {
+  /// What a run leaves to be scored.
+  struct Product {
+    metrics::Trajectory trajectory;
+    double held_out_log_likelihood = 0.0;  ///< per beam; of maps
+  };
+  /// Alone in its thread: candidates run side by side.
+  [[nodiscard]] virtual Product produced(
+      const pipeline::Config& config, const Drive& drive, std::uint64_t seed) const = 0;
+
+  const Session& session_;
+
+ private:
+  std::vector<Score> scores(const Objective& o, const Product& product, const Drive& drive) const {
+    const BlockGrid grid{drive.first, session_.block_s, drive.spec.recording->blocks};
     switch (o.measure) {
       case Measure::kApe:
-        return apeScores(trajectory, drive.reference, grid);
+        return apeScores(product.trajectory, drive.reference, grid);
       case Measure::kRpe:
-        return rpeScores(trajectory, drive.reference, o.step_s, grid);
+        return rpeScores(product.trajectory, drive.reference, o.step_s, grid);
       case Measure::kRelations:
-        return relationScores(trajectory, drive, grid);
+        return relationScores(product.trajectory, drive, grid);
+      case Measure::kScanLikelihood:
+        return {{kWholeRun, -product.held_out_log_likelihood}};
       default:
         return {};
     }
   }
 
-  const Session& session_;
-
- private:
   Drive load(const DriveSpec& spec, const Folders& folders) const {
     Drive drive;
     drive.spec = spec;
@@ -128,41 +152,21 @@ class AmclSubject : public ScanSubject {
  public:
   using ScanSubject::ScanSubject;
 
-  [[nodiscard]] Outcome run(
-      const pipeline::Config& config,
-      Role role,
-      std::size_t index,
-      std::uint64_t seed) const override {
-    const Drive& drive = at(role, index);
-    const metrics::Trajectory trajectory = localized(config, drive, seed);
-    Outcome outcome;
-    for (const Objective& o : session_.objectives) {
-      outcome.objectives.push_back(trajectoryScores(o, trajectory, drive, gridOf(drive)));
-    }
-    return outcome;
-  }
-
-  [[nodiscard]] Paths paths(
-      const pipeline::Config& config, Role role, std::size_t index) const override {
-    const Drive& drive = at(role, index);
-    return {localized(config, drive, session_.seeds.first), drive.reference};
-  }
-
  private:
-  metrics::Trajectory localized(
-      const pipeline::Config& config, const Drive& drive, std::uint64_t seed) const {
+  [[nodiscard]] Product produced(
+      const pipeline::Config& config, const Drive& drive, std::uint64_t seed) const override {
     pipeline::Config seeded = config;
     seeded.seed = seed;
     seeded.amcl.threads = 1;
-    return pipeline::localize(
-               drive.spec.recording->log,
-               recordingOptions(config),
-               drive.map,
-               drive.spec.recording->init,
-               seeded,
-               Observers{},
-               [](double, double) {})
-        .trajectory;
+    auto result = pipeline::localize(
+        drive.spec.recording->log,
+        recordingOptions(config),
+        drive.map,
+        drive.spec.recording->init,
+        seeded,
+        Observers{},
+        [](double, double) {});
+    return {std::move(result.trajectory), 0.0};
   }
 };
 
@@ -170,44 +174,21 @@ class MappingSubject : public ScanSubject {
  public:
   using ScanSubject::ScanSubject;
 
-  [[nodiscard]] Outcome run(
-      const pipeline::Config& config,
-      Role role,
-      std::size_t index,
-      std::uint64_t seed) const override {
-    const Drive& drive = at(role, index);
-    const pipeline::MapDriveResult result = mapped(config, drive, seed);
-    Outcome outcome;
-    for (const Objective& o : session_.objectives) {
-      if (o.measure == Measure::kScanLikelihood) {
-        outcome.objectives.push_back({{kWholeRun, -result.quality.held_out_log_likelihood}});
-      } else {
-        outcome.objectives.push_back(trajectoryScores(o, result.trajectory, drive, gridOf(drive)));
-      }
-    }
-    return outcome;
-  }
-
-  [[nodiscard]] Paths paths(
-      const pipeline::Config& config, Role role, std::size_t index) const override {
-    const Drive& drive = at(role, index);
-    return {mapped(config, drive, session_.seeds.first).trajectory, drive.reference};
-  }
-
  private:
-  pipeline::MapDriveResult mapped(
-      const pipeline::Config& config, const Drive& drive, std::uint64_t seed) const {
+  [[nodiscard]] Product produced(
+      const pipeline::Config& config, const Drive& drive, std::uint64_t seed) const override {
     pipeline::Config seeded = config;
     seeded.seed = seed;
     seeded.mapping.filter.threads = 1;
     seeded.mapping.finish.threads = 1;
-    return pipeline::mapDrive(
+    auto result = pipeline::mapDrive(
         drive.spec.recording->log,
         recordingOptions(config),
         {},
         seeded,
         Observers{},
         [](double, double) {});
+    return {std::move(result.trajectory), result.quality.held_out_log_likelihood};
   }
 };
 
