@@ -76,13 +76,29 @@ ScanFit scanFit(const std::string& recording, const MapPtr& map, const Pose2& st
   return fit;
 }
 
-/// How wrong the fixes of rows of one second are, and how that changes from one to the next [m].
-struct FixErrors {
-  std::vector<double> size;
-  std::vector<double> change;
+/// How wrong the rows of one second are.
+struct RowErrors {
+  std::vector<double> fix_m;
+  std::vector<double> fix_change_m;  ///< from one row to the next
+  std::vector<double> heading_deg;   ///< from the drive's mean, which is mounting and declination
+  std::vector<double> heading_change_deg;  ///< within ten seconds
 };
 
-void addFixErrors(FixErrors& errors, const std::string& csv_path) {
+/// Differences to their mean direction, and how much they change within ten rows.
+void addHeadingErrors(RowErrors& errors, const std::vector<double>& differences_rad) {
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  for (const double d : differences_rad) sum += Eigen::Vector2d(std::cos(d), std::sin(d));
+  const double mean_rad = std::atan2(sum.y(), sum.x());
+  constexpr std::size_t kRows = 10;
+  for (std::size_t i = 0; i < differences_rad.size(); ++i) {
+    errors.heading_deg.push_back(radToDeg(std::abs(angleDiff(differences_rad[i], mean_rad))));
+    if (i < kRows) continue;
+    const double change_rad = angleDiff(differences_rad[i], differences_rad[i - kRows]);
+    errors.heading_change_deg.push_back(radToDeg(std::abs(change_rad)));
+  }
+}
+
+void addRowErrors(RowErrors& errors, const std::string& csv_path) {
   std::ifstream in(csv_path);
   std::string line;
   const auto cells = [&line] {
@@ -100,9 +116,13 @@ void addFixErrors(FixErrors& errors, const std::string& csv_path) {
   const std::size_t fix_y = column("gps_new_y");
   const std::size_t true_x = column("gt_x_north_m");
   const std::size_t true_y = column("gt_y_east_m");
+  const std::size_t true_yaw = column("gt_yaw_rad");
+  const std::size_t heading = column("imu_prev_heading_rad");
   const auto nothing = Eigen::Vector2d::Constant(std::nan(""));
   Eigen::Vector2d truth_before = nothing;  // fixes are one second old
   Eigen::Vector2d error_before = nothing;
+  double yaw_before_rad = std::nan("");
+  std::vector<double> heading_differences_rad;
   while (std::getline(in, line)) {
     const std::vector<std::string> row = cells();
     const auto at = [&row](std::size_t x, std::size_t y) {
@@ -110,11 +130,15 @@ void addFixErrors(FixErrors& errors, const std::string& csv_path) {
     };
     const Eigen::Vector2d error = at(fix_x, fix_y) - truth_before;
     const Eigen::Vector2d change = error - error_before;
-    if (error.allFinite()) errors.size.push_back(error.norm());
-    if (change.allFinite()) errors.change.push_back(change.norm());
+    if (error.allFinite()) errors.fix_m.push_back(error.norm());
+    if (change.allFinite()) errors.fix_change_m.push_back(change.norm());
+    const double difference_rad = std::stod(row.at(heading)) - yaw_before_rad;
+    if (std::isfinite(difference_rad)) heading_differences_rad.push_back(difference_rad);
     error_before = error;
     truth_before = at(true_x, true_y);
+    yaw_before_rad = std::stod(row.at(true_yaw));
   }
+  addHeadingErrors(errors, heading_differences_rad);
 }
 
 void addDrive(Sample& sample, const std::vector<double>& drive) {
@@ -188,33 +212,37 @@ std::vector<Panel> nclt(const TempFolder& folder, const std::string& data) {
   const std::string mapping = shipped("config/csv/nclt_1hz.yaml");
   Sample real{"NCLT", {}};
   Sample simulated{"campus_hours", {}};
-  FixErrors real_errors;
-  FixErrors simulated_errors;
+  RowErrors real_errors;
+  RowErrors simulated_errors;
   for (const char* log : {"nclt_2013-01-10_1hz.csv", "nclt_2012-11-04_1hz.csv"}) {
     addDrive(real, gnssInnovations(data + "/nclt_1hz/" + log, mapping));
-    addFixErrors(real_errors, data + "/nclt_1hz/" + log);
+    addRowErrors(real_errors, data + "/nclt_1hz/" + log);
   }
   for (std::uint64_t seed = 1; seed <= kLongSeeds; ++seed) {
     const std::string rows = folder / "nclt.csv";
     writeRows(shippedScenario("campus_hours"), seed, rows);
     addDrive(simulated, gnssInnovations(rows, mapping));
-    addFixErrors(simulated_errors, rows);
+    addRowErrors(simulated_errors, rows);
   }
-  const std::string what = "Consumer receiver at 1 Hz: ";
-  return {
-      {what + "filter", kInnovationUnit, 4.0, 32, real, simulated},
-      {what + "errors",
-       "error of a fix [m]",
-       40.0,
-       40,
-       {real.name, real_errors.size},
-       {simulated.name, simulated_errors.size}},
-      {what + "change",
-       "change of the error within a second [m]",
-       4.0,
-       32,
-       {real.name, real_errors.change},
-       {simulated.name, simulated_errors.change}}};
+  const std::string what = "Consumer receiver and compass at 1 Hz: ";
+  std::vector<Panel> panels{{what + "filter", kInnovationUnit, 4.0, 32, real, simulated}};
+  const auto add = [&](const char* name, const char* unit, double most, auto errors) {
+    panels.push_back(
+        {what + name,
+         unit,
+         most,
+         32,
+         {real.name, real_errors.*errors},
+         {simulated.name, simulated_errors.*errors}});
+  };
+  add("fixes", "error of a fix [m]", 40.0, &RowErrors::fix_m);
+  add("change of fixes", "change of that error within a second [m]", 4.0, &RowErrors::fix_change_m);
+  add("headings", "error of a heading, mean removed [deg]", 32.0, &RowErrors::heading_deg);
+  add("change of headings",
+      "change of that error within 10 s [deg]",
+      32.0,
+      &RowErrors::heading_change_deg);
+  return panels;
 }
 
 void addScanPanels(

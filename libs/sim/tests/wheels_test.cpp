@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <complex>
 
 #include "moments.hpp"
 #include "vestibule/core/angles.hpp"
@@ -54,6 +55,45 @@ TEST(Compass, IsRightOutsideAndBentInside) {
   // 2000 samples: 5 sigma of sigma = 8 %.
   EXPECT_NEAR(open.rms(), params.sigma_rad, 0.08 * params.sigma_rad);
   EXPECT_NEAR(inside.rms(), params.indoor_rad, 0.08 * params.indoor_rad);
+}
+
+TEST(Compass, HasIronOfItsOwnAndCrossesThatOfTheGround) {
+  CompassParams params;
+  params.sigma_rad = 1e-6;
+  params.deviation_rad = 0.04;
+  params.soft_iron_rad = 0.03;
+  CompassModel own(params, 3);
+  // One turn on the spot: what comes once and twice per turn, nothing else.
+  constexpr int kSteps = 360;
+  std::complex<double> once;
+  std::complex<double> twice;
+  Moments rest;
+  for (int i = 0; i < kSteps; ++i) {
+    const double yaw_rad = wrapToPi(2.0 * kPi * i / kSteps);
+    const double error_rad = angleDiff(own.measure({}, {5, 5, yaw_rad}, 50.0).yaw_rad, yaw_rad);
+    once += 2.0 / kSteps * error_rad * std::polar(1.0, yaw_rad);
+    twice += 2.0 / kSteps * error_rad * std::polar(1.0, 2.0 * yaw_rad);
+    rest.add(error_rad);
+  }
+  EXPECT_NEAR(std::abs(once), 0.04, 1e-5);
+  EXPECT_NEAR(std::abs(twice), 0.03, 1e-5);
+  EXPECT_NEAR(rest.rms(), std::hypot(0.04, 0.03) / std::sqrt(2.0), 1e-5);
+
+  params.deviation_rad = params.soft_iron_rad = 0.0;
+  params.ground_rad = 0.1;
+  params.ground_length_m = 15.0;
+  CompassModel ground(params, 3);
+  Moments anywhere;
+  Moments near;  // what a metre changes
+  RandomStream random(1, "places");
+  for (int i = 0; i < 2000; ++i) {
+    const Pose2 T{random.uniform(0, 2000), random.uniform(0, 2000), random.uniform(-kPi, kPi)};
+    const double here_rad = angleDiff(ground.measure({}, T, 50.0).yaw_rad, T.phi);
+    anywhere.add(here_rad);
+    near.add(here_rad - angleDiff(ground.measure({}, {T.x + 1, T.y, T.phi}, 50.0).yaw_rad, T.phi));
+  }
+  EXPECT_NEAR(anywhere.rms(), 0.1, 0.008);
+  EXPECT_LT(near.rms(), 0.02);
 }
 
 TEST(PlaceNoise, IsSmoothAndHasUnitVariance) {

@@ -14,10 +14,13 @@ struct CompassParams {
   double rate_hz = 10.0;  ///< must divide 200 Hz
   double sigma_rad = degToRad(2.0);
   double deviation_rad = degToRad(2.0);  ///< amplitude of the robot's own iron, one turn per turn
+  double soft_iron_rad = 0.0;            ///< amplitude of what the earth magnetises, two per turn
   double indoor_rad =
       degToRad(30.0);            ///< sigma of the disturbance by steel indoors, a function of place
   double indoor_length_m = 3.0;  ///< over which it changes
   double reach_m = 2.0;          ///< e-folding distance of the disturbance outside a building
+  double ground_rad = 0.0;       ///< sigma of what lies in the ground anywhere, a function of place
+  double ground_length_m = 10.0;  ///< over which it changes
 };
 void describe(ParamIo& io, CompassParams& params);
 
@@ -34,6 +37,7 @@ class CompassModel {
   std::uint64_t seed_;
   std::uint64_t index_ = 0;
   double deviation_phase_rad_;
+  double soft_iron_phase_rad_;
 };
 
 }  // namespace vestibule::sim
