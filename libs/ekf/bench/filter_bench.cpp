@@ -43,7 +43,7 @@ StateMatrix prior(const Model& model) {
 /// Model and covariance, as the filter does it at each IMU message.
 void predict(benchmark::State& state, bool mrpt, bool planar) {
   const Model model(planar);
-  const auto engine = mrpt ? makeMrptEngine() : makeFixedEngine();
+  const auto engine = mrpt ? makeMrptEngine() : makeFixedEngine(planar);
   StateMatrix P = prior(model);
   const Motion u = motion();
   State x;
@@ -63,15 +63,16 @@ BENCHMARK_CAPTURE(predict, mrpt_plane, true, true);
 /// Innovation test and update.
 void gnssUpdate(benchmark::State& state, bool mrpt, bool planar) {
   const Model model(planar);
-  const auto engine = mrpt ? makeMrptEngine() : makeFixedEngine();
+  const auto engine = mrpt ? makeMrptEngine() : makeFixedEngine(planar);
   StateMatrix P = prior(model);
   State x;
   int n = 0;
   for (auto _ : state) {
     const Observation z =
         model.gnssPosition(x, {0.1, 0.1, 0.1}, {0.2, 0.1, 0.0}, Eigen::Matrix3d::Identity());
-    benchmark::DoNotOptimize(engine->innovation(P, z).nis);
-    x = plus(x, engine->update(P, z));
+    const Correlation c = Engine::correlation(P, z);
+    benchmark::DoNotOptimize(Engine::innovation(z, c).nis);
+    x = plus(x, engine->update(P, z, c));
     if (++n % 1000 == 0) P = prior(model);
     benchmark::DoNotOptimize(P.data());
   }

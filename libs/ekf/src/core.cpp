@@ -44,6 +44,11 @@ void Core::step(const Motion& u) {
   if (ready_) map_.step(u);
 }
 
+void Core::advance(Timestamp stamp) {
+  const Motion u = reckoning_.advance(stamp);
+  if (u.dt_s > 0.0) step(u);
+}
+
 UpdateReport Core::take(const Imu& imu) {
   step(reckoning_.process(imu, odometry_.state().gyro_bias));
   if (reckoning_.standstill() && last_imu_ && params().use.imuYawRate()) {
@@ -76,7 +81,7 @@ UpdateReport Core::take(const WheelOdometry& wheels) {
 }
 
 UpdateReport Core::take(const Heading& heading) {
-  step(reckoning_.advance(heading.stamp));
+  advance(heading.stamp);
   const UseParams& use = params().use;
   if (heading.tilt && use.headingTilt()) {
     const double sigma = params().heading.tilt_sigma_rad;
@@ -90,7 +95,7 @@ UpdateReport Core::take(const Heading& heading) {
 }
 
 UpdateReport Core::take(const MapFix& fix) {
-  step(reckoning_.advance(fix.stamp));
+  advance(fix.stamp);
   const GnssScreen::Worth worth = screen_.assess(fix);
   if (!worth.refused.empty()) return rejected(worth.refused);
   setGnssNoise(worth);
@@ -98,7 +103,7 @@ UpdateReport Core::take(const MapFix& fix) {
 }
 
 UpdateReport Core::take(const PoseInput& pose) {
-  step(reckoning_.advance(pose.stamp));
+  advance(pose.stamp);
   if (ready_) return map_.offer(shared_->model.pose(map_.state(), pose.T_map_base));
   begin(pose.T_map_base);
   UpdateReport report;
@@ -107,7 +112,7 @@ UpdateReport Core::take(const PoseInput& pose) {
 }
 
 UpdateReport Core::take(const ResetInput& reset) {
-  step(reckoning_.advance(reset.stamp));
+  advance(reset.stamp);
   begin(reset.T_map_base);
   UpdateReport report;
   report.reason = "reset";
@@ -214,7 +219,7 @@ UpdateReport Core::fuse(const MapFix& fix, const GnssScreen::Worth& worth) {
 }
 
 MapFilter::Expected Core::expected(const MapFix& fix) {
-  step(reckoning_.advance(fix.stamp));
+  advance(fix.stamp);
   const double sigma_m = screen_.assess(fix).sigma_m;
   GnssScreen::Worth worth;
   worth.sigma_m = sigma_m;

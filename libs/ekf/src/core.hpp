@@ -44,6 +44,8 @@ class Core {
   UpdateReport take(const ResetInput& reset);
 
   void step(const Motion& u);
+  /// To a stamp at which nothing is said of the motion.
+  void advance(Timestamp stamp);
   void begin(const PoseWithCovariance& T_map_base);
   /// Starts from the odometry track aligned to the fixes.
   void begin(const TrackAlignment::Result& found, const MapFix& fix);

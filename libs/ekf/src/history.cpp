@@ -12,11 +12,21 @@ bool before(const Input& a, const Input& b) { return compare(a, b) < 0; }
 
 }  // namespace
 
+void History::keepOrder(bool only_in_order) {
+  if (only_in_order_ == only_in_order) return;
+  only_in_order_ = only_in_order;
+  while (inputs_.size() > 1) inputs_.pop_front();
+  checkpoints_.clear();
+  checkpoints_.push_back({inputs_.empty() ? std::nullopt : std::optional(inputs_.back()), core_});
+}
+
 UpdateReport History::insert(const Input& input) {
   if (inputs_.empty() || before(inputs_.back(), input)) {
     const bool too_old = core_.started() && stampOf(input) < core_.time();
     if (!too_old) {
+      if (only_in_order_) inputs_.clear();
       inputs_.push_back(input);
+      if (only_in_order_) return core_.apply(input);
       const UpdateReport report = apply(input);
       forget();
       return report;

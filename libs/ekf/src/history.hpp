@@ -20,8 +20,9 @@ class History {
   /// \return what became of the input; rejected as "stale" when it is older than the window, as
   /// "duplicate" when it is known
   UpdateReport insert(const Input& input);
-  /// From now on what is not newer than everything before is refused as "stale".
-  void keepOrder(bool only_in_order) { only_in_order_ = only_in_order; }
+  /// From now on what is not newer than everything before is refused as "stale", and nothing is
+  /// kept to go back to.
+  void keepOrder(bool only_in_order);
   [[nodiscard]] std::size_t replays() const { return replays_; }
 
  private:
@@ -35,8 +36,8 @@ class History {
 
   Duration window_;
   Core core_;
-  std::deque<Input> inputs_;  ///< in order; those after the oldest checkpoint
-  std::deque<Checkpoint> checkpoints_;
+  std::deque<Input> inputs_;            ///< in order; those after the oldest checkpoint
+  std::deque<Checkpoint> checkpoints_;  ///< at least one
   std::size_t replays_ = 0;
   bool only_in_order_ = false;
 };

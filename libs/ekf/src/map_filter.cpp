@@ -39,8 +39,9 @@ struct MapFilter::Impl {
     UpdateReport report;
     report.reason = unusable(input);
     if (report.reason.empty()) report = history.insert(input);
-    const bool lost = report.reason == "not finite" || report.reason == "impossible" ||
-                      report.reason == "stale" || report.reason == "duplicate";
+    const bool lost = !report.reason.empty() &&
+                      (report.reason == "not finite" || report.reason == "impossible" ||
+                       report.reason == "stale" || report.reason == "duplicate");
     if (lost) {
       report.decision = Decision::kRejected;
       ++dropped[report.reason];
@@ -117,8 +118,9 @@ std::optional<PoseWithCovariance> MapFilter::initialAlignment() const {
 }
 const Dropped& MapFilter::dropped() const { return impl_->dropped; }
 std::size_t MapFilter::replays() const { return impl_->history.replays(); }
+void MapFilter::expectOrder() { impl_->history.keepOrder(true); }
 void MapFilter::record(Tape* tape) {
-  impl_->history.keepOrder(tape != nullptr);
+  if (tape != nullptr) expectOrder();
   impl_->history.core().record(tape);
 }
 

@@ -9,19 +9,11 @@ namespace {
 
 constexpr double kGravity_mps2 = 9.81;
 
-constexpr std::uint32_t bits(int first, int count) {
-  return ((1U << static_cast<unsigned>(count)) - 1U) << static_cast<unsigned>(first);
-}
 // What a step takes from: attitude, gyro bias and the wheels' faults while they carry the robot,
 // velocity and the inertial sensor's faults while it coasts.
 constexpr std::uint32_t kRolling = bits(kAtt, 3) | bits(kGyroBias, 3) | bits(kWheelScale, 4);
 constexpr std::uint32_t kCoasting =
     bits(kVel, 3) | bits(kAtt, 3) | bits(kGyroBias, 3) | bits(kAccelBias, 3);
-/// Errors that do not exist in the plane.
-constexpr std::uint32_t kSpatial = bits(kPos + 2, 1) | bits(kVel + 2, 1) | bits(kAtt, 2) |
-                                   bits(kGyroBias, 2) | bits(kAccelBias, 3) |
-                                   bits(kGnssBias + 2, 1);
-
 /// The step in map axes and what its parts are made of.
 struct Course {
   Eigen::Vector3d turn;   ///< base axes, faults removed
@@ -42,8 +34,9 @@ Course courseOf(const State& x, const Motion& u, bool planar) {
   } else {
     c.turn.z() = std::exp(-x.track) * c.turn.z() + x.wheel_skew * u.forward_m;
   }
-  const Eigen::Quaterniond q_mid = x.q * rotationExp(0.5 * c.turn);
-  c.q_end = (x.q * rotationExp(c.turn)).normalized();
+  const Eigen::Quaterniond half = rotationExp(0.5 * c.turn);
+  const Eigen::Quaterniond q_mid = x.q * half;
+  c.q_end = (q_mid * half).normalized();
   c.R_mid = q_mid.toRotationMatrix();
   c.push.setZero();
   if (u.rolling) {
@@ -87,7 +80,11 @@ StateMatrix Transition::Q() const {
 }
 
 bool Observation::finite() const {
-  return rows >= 1 && residual.allFinite() && R.allFinite() && H.allFinite();
+  if (rows < 1 || !residual.allFinite() || !R.allFinite()) return false;
+  for (int j = 0; j < kStateSize; ++j) {
+    if ((columns >> static_cast<unsigned>(j) & 1U) != 0U && !H.col(j).allFinite()) return false;
+  }
+  return true;
 }
 
 State Model::transition(const State& x, const Motion& u) const {
@@ -104,17 +101,26 @@ Model::Predicted Model::predict(const State& x, const Motion& u) const {
   t.keep.segment<3>(kGnssBias).setConstant(u.gnss_bias_decay);
   t.keep[kDisturbance] = u.disturbance_decay;
 
-  // What a turn error about the base axes does to position, velocity and attitude.
-  const Eigen::Matrix3d skew_d = skew(c.d);
-  Eigen::Matrix<double, 9, 3> by_turn;
-  by_turn.middleRows<3>(kAtt) = c.R_mid;
+  // What a turn error about each base axis does to position, velocity and attitude.
+  Eigen::Matrix<double, 9, 3> by_turn = Eigen::Matrix<double, 9, 3>::Zero();
+  const int first_axis = planar_ ? 2 : 0;
+  for (int i = first_axis; i < 3; ++i) {
+    const Eigen::Vector3d axis = c.R_mid.col(i);
+    auto column = by_turn.col(i);
+    column.segment<3>(kAtt) = axis;
+    if (u.rolling) {
+      column.segment<3>(kPos) = -0.5 * c.d.cross(axis);
+      column.segment<3>(kVel) = -c.v_end.cross(axis);
+    } else {
+      column.segment<3>(kVel) = (-0.5 * u.dt_s) * c.push.cross(axis);
+      column.segment<3>(kPos) = 0.5 * u.dt_s * column.segment<3>(kVel);
+    }
+  }
+  if (u.rolling) by_turn.col(2).segment<3>(kPos) -= x.icr_x * c.R_mid.col(1);
+
   if (u.rolling) {
-    by_turn.middleRows<3>(kPos).noalias() = -0.5 * skew_d * c.R_mid;
-    by_turn.col(2).segment<3>(kPos) -= x.icr_x * c.R_mid.col(1);
-    const Eigen::Matrix3d skew_v = skew(c.v_end);
-    by_turn.middleRows<3>(kVel).noalias() = -skew_v * c.R_mid;
-    A.block<3, 3>(kPos, kAtt) = -skew_d;
-    A.block<3, 3>(kVel, kAtt) = -skew_v;
+    A.block<3, 3>(kPos, kAtt) = -skew(c.d);
+    A.block<3, 3>(kVel, kAtt) = -skew(c.v_end);
     A.col(kWheelScale).segment<3>(kPos) = c.by_wheels;
     A.col(kWheelScale).segment<3>(kVel) = c.v_end;
     A.col(kIcrX).segment<3>(kPos) = -c.turn.z() * c.R_mid.col(1);
@@ -127,8 +133,6 @@ Model::Predicted Model::predict(const State& x, const Motion& u) const {
     A.block<3, 3>(kPos, kAtt) = (-0.5 * u.dt_s * u.dt_s) * skew_push;
     A.block<3, 3>(kVel, kAccelBias) = -u.dt_s * c.R_mid;
     A.block<3, 3>(kPos, kAccelBias) = (-0.5 * u.dt_s * u.dt_s) * c.R_mid;
-    by_turn.middleRows<3>(kVel).noalias() = (-0.5 * u.dt_s) * skew_push * c.R_mid;
-    by_turn.middleRows<3>(kPos) = 0.5 * u.dt_s * by_turn.middleRows<3>(kVel);
     t.columns = kCoasting;
   }
   if (u.turn_is_gyro) {
@@ -165,7 +169,7 @@ Model::Predicted Model::predict(const State& x, const Motion& u) const {
   }
 
   const auto rest = [&t](int index) -> double& { return t.rest_noise[index - Transition::kTop]; };
-  for (int i = planar_ ? 2 : 0; i < 3; ++i) rest(kGyroBias + i) = u.gyro_bias_var;
+  for (int i = first_axis; i < 3; ++i) rest(kGyroBias + i) = u.gyro_bias_var;
   for (int i = 0; i < axes; ++i) rest(kGnssBias + i) = u.gnss_bias_var;
   if (!planar_) {
     for (int i = 0; i < 3; ++i) rest(kAccelBias + i) = u.accel_bias_var;

@@ -125,7 +125,9 @@ class MrptKalman : public mrpt::bayes::CKalmanFilterCapable<kStateSize, kRows, 0
 class MrptEngine : public Engine {
  public:
   void predict(StateMatrix& P, const Transition& step) const override { filter_.predict(P, step); }
-  Error update(StateMatrix& P, const Observation& z) const override { return filter_.update(P, z); }
+  Error update(StateMatrix& P, const Observation& z, const Correlation&) const override {
+    return filter_.update(P, z);
+  }
 
  private:
   mutable MrptKalman filter_;  // work space only

@@ -22,7 +22,7 @@ constexpr double kLevelInflation = 10.0;
 /// Sideways speed of a robot that coasts [m/s].
 constexpr double kCoastSide_mps = 0.1;
 
-/// Beyond these nothing is known any more, and nothing more can be unknown [sigma].
+/// Beyond these nothing is known any more, and nothing more can be unknown: variances.
 Error mostUncertain() {
   Error sigma;
   sigma.segment<3>(kPos).setConstant(1e5);
@@ -37,7 +37,7 @@ Error mostUncertain() {
   sigma.segment<3>(kGnssBias).setConstant(1e3);
   sigma[kHeadingOffset] = 4.0;
   sigma[kDisturbance] = 4.0;
-  return sigma;
+  return sigma.cwiseAbs2();
 }
 
 double squared(double v) { return v * v; }
@@ -63,7 +63,7 @@ Shared::Shared(const FilterParams& p)
     : params(p),
       model(p.plane),
       gate(p),
-      engine(p.engine == EngineKind::kMrpt ? makeMrptEngine() : makeFixedEngine()) {}
+      engine(p.engine == EngineKind::kMrpt ? makeMrptEngine() : makeFixedEngine(p.plane)) {}
 
 Tracker::Tracker(const Shared& shared, Pose mode) : shared_(&shared), mode_(mode) {
   start({}, nullptr);
@@ -139,22 +139,21 @@ void Tracker::step(Motion u) {
 void Tracker::keepWithinBounds() {
   static const Error kMost = mostUncertain();
   for (int i = 0; i < kStateSize; ++i) {
-    const double most = kMost[i] * kMost[i];
-    if (!(P_(i, i) > most)) continue;
+    if (!(P_(i, i) > kMost[i])) continue;
     // Scaling a row and its column keeps the matrix positive semi-definite.
-    const double share = kMost[i] / std::sqrt(P_(i, i));
+    const double share = std::sqrt(kMost[i] / P_(i, i));
     P_.row(i) *= share;
     P_.col(i) *= share;
   }
 }
 
-UpdateReport Tracker::tested(const Observation& z) const {
+UpdateReport Tracker::tested(const Observation& z, const Correlation& c) const {
   UpdateReport report;
   report.dof = z.rows;
   report.gate = shared_->gate.limit(report.dof);
-  const Innovation innovation = shared_->engine->innovation(P_, z);
+  const Innovation innovation = Engine::innovation(z, c);
   report.nis = innovation.nis;
-  report.log_det = std::log(innovation.S.determinant());
+  report.log_det = innovation.log_det;
   if (!(report.nis <= report.gate)) {
     report.decision = Decision::kGated;
     report.reason = "chi2";
@@ -169,7 +168,8 @@ UpdateReport Tracker::offer(Observation z, double inflation) {
     report.reason = "not finite";
     return report;
   }
-  UpdateReport report = tested(z);
+  const Correlation c = Engine::correlation(P_, z);
+  UpdateReport report = tested(z, c);
   if (report.decision == Decision::kGated) return report;
   const double soft = shared_->gate.soft(report.dof);
   if (report.nis > soft) {
@@ -178,13 +178,13 @@ UpdateReport Tracker::offer(Observation z, double inflation) {
     inflation *= report.nis / soft;
   }
   z.R *= inflation;
-  update(z);
+  update(z, c);
   return report;
 }
 
-void Tracker::update(const Observation& z) {
+void Tracker::update(const Observation& z, const Correlation& c) {
   if (tape_ != nullptr) tape_->updated(P_, z);
-  Error correction = shared_->engine->update(P_, z);
+  Error correction = shared_->engine->update(P_, z, c);
   if (mode_ == Pose::kContinuous) {
     correction.segment<3>(kPos).setZero();
     // Learning the bias would turn the robot by all that the wrong bias turned it so far.
@@ -320,11 +320,11 @@ Tracker::GnssTest Tracker::testGnss(
     const Eigen::Vector3d& p_map_antenna, const Eigen::Vector3d& p_base_antenna) const {
   Observation z = shared_->model.gnssPosition(x_, p_map_antenna, p_base_antenna, gnss_.white);
   GnssTest result;
-  result.against_last = tested(z);
+  result.against_last = tested(z, Engine::correlation(P_, z));
   z.residual += x_.gnss_bias;
   z.H.middleCols<3>(kGnssBias).setZero();
   z.R += squared(gnss_.slow_sigma_m) * Eigen::Matrix3d::Identity();
-  result.against_any = tested(z);
+  result.against_any = tested(z, Engine::correlation(P_, z));
   return result;
 }
 
@@ -333,7 +333,7 @@ MapFilter::Expected Tracker::expectedFix(const Eigen::Vector3d& p_base_antenna) 
       shared_->model.gnssPosition(x_, Eigen::Vector3d::Zero(), p_base_antenna, gnss_.white);
   MapFilter::Expected result;
   result.p_map_antenna = -z.residual.head<2>();
-  result.cov = shared_->engine->innovation(P_, z).S.topLeftCorner<2, 2>();
+  result.cov = Engine::innovation(z, Engine::correlation(P_, z)).S.topLeftCorner<2, 2>();
   return result;
 }
 

@@ -89,10 +89,10 @@ class Tracker {
 
  private:
   /// The gate alone: what `z` would meet.
-  [[nodiscard]] UpdateReport tested(const Observation& z) const;
+  [[nodiscard]] UpdateReport tested(const Observation& z, const Correlation& c) const;
   void learnHeadingOffset(double mean_rad, double sigma_rad);
   void learnDisturbance(const UpdateReport& report, const Heading& heading, double residual_rad);
-  void update(const Observation& z);
+  void update(const Observation& z, const Correlation& c);
   void replace(int first, int count, double variance);
   void keepWithinBounds();
 

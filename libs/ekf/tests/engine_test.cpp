@@ -56,7 +56,7 @@ class EngineOf : public testing::TestWithParam<Case> {};
 TEST_P(EngineOf, AgreesWithTheTextbook) {
   RandomStream random(7, "engine");
   const Model model(GetParam().planar);
-  const auto engine = GetParam().mrpt ? makeMrptEngine() : makeFixedEngine();
+  const auto engine = GetParam().mrpt ? makeMrptEngine() : makeFixedEngine(GetParam().planar);
   Textbook textbook{someCovariance(model)};
   StateMatrix P = textbook.P;
   State x = randomState(random, model.planar());
@@ -67,13 +67,14 @@ TEST_P(EngineOf, AgreesWithTheTextbook) {
     engine->predict(P, predicted.step);
     ASSERT_LT((P - textbook.P).norm(), 1e-9) << "prediction " << n;
     const Observation z = randomObservation(random, model, x, n);
-    const double nis = engine->innovation(P, z).nis;
+    const Correlation c = Engine::correlation(P, z);
+    const double nis = Engine::innovation(z, c).nis;
     const Eigen::MatrixXd H = z.H.topRows(z.rows);
     const Eigen::MatrixXd S = H * textbook.P * H.transpose() + z.R.topLeftCorner(z.rows, z.rows);
     const Eigen::VectorXd r = z.residual.head(z.rows);
     ASSERT_NEAR(nis, r.dot(S.inverse() * r), 1e-9 * (1.0 + nis)) << "step " << n;
     const Error expected = textbook.update(z);
-    const Error correction = engine->update(P, z);
+    const Error correction = engine->update(P, z, c);
     ASSERT_LT((correction - expected).norm(), 1e-9) << "update " << n;
     ASSERT_LT((P - textbook.P).norm(), 1e-9) << "update " << n;
     x = plus(x, correction);
@@ -84,7 +85,7 @@ TEST_P(EngineOf, CovarianceStaysSymmetricAndPositiveUnderExtremes) {
   // From knowing nothing to millimetres and back, thousands of times.
   RandomStream random(8, "engine");
   const Model model(GetParam().planar);
-  const auto engine = GetParam().mrpt ? makeMrptEngine() : makeFixedEngine();
+  const auto engine = GetParam().mrpt ? makeMrptEngine() : makeFixedEngine(GetParam().planar);
   StateMatrix P = 1e8 * StateMatrix::Identity();
   model.constrain(P);
   State x = randomState(random, model.planar());

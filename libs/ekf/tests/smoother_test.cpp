@@ -15,7 +15,7 @@ namespace {
 TEST(Smoother, EqualsTheBatchSolution) {
   RandomStream random(11, "smoother");
   const Model model(true);
-  const auto engine = makeFixedEngine();
+  const auto engine = makeFixedEngine(true);
   constexpr int kSteps = 12;
 
   // Batch: the error at the start and the noise of each step as unknowns, by least squares on the

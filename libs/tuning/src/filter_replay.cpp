@@ -1,13 +1,26 @@
 #include "filter_replay.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "vestibule/pipeline/gnss_input.hpp"
 
 namespace vestibule::tuning {
+namespace {
+
+/// The filter's own order of what has one stamp.
+int rank(const Measurement& m) {
+  if (std::holds_alternative<Imu>(m)) return 0;
+  if (std::holds_alternative<Heading>(m)) return 1;
+  return std::holds_alternative<WheelOdometry>(m) ? 2 : 3;
+}
+
+}  // namespace
 
 FilterReplay::FilterReplay(const pipeline::Config& config, const FilterLog& log)
-    : log_(log), filter_(config.ekf, config.rig) {}
+    : log_(log), filter_(config.ekf, config.rig) {
+  filter_.expectOrder();
+}
 
 ekf::UpdateReport FilterReplay::feed(const Measurement& measurement) {
   if (const auto* wheels = std::get_if<WheelOdometry>(&measurement))
@@ -38,7 +51,7 @@ FilterLog makeFilterLog(std::vector<Measurement> measurements) {
       log.measurements.end());
   std::stable_sort(
       log.measurements.begin(), log.measurements.end(), [](const auto& a, const auto& b) {
-        return stampOf(a) < stampOf(b);
+        return std::make_pair(stampOf(a), rank(a)) < std::make_pair(stampOf(b), rank(b));
       });
   if (log.measurements.empty()) return log;
   log.first = stampOf(log.measurements.front());

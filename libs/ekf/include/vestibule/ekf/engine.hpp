@@ -6,9 +6,16 @@
 
 namespace vestibule::ekf {
 
+/// What an estimate and a measurement have in common, whatever the measurement's noise.
+struct Correlation {
+  Eigen::Matrix<double, kStateSize, Observation::kMaxRows> PH;  ///< P H', first `rows` columns
+  Eigen::Matrix3d HPH;                                          ///< H P H', symmetric
+};
+
 /// How far a measurement is from what is expected.
 struct Innovation {
-  double nis = 0.0;  ///< residual' S^-1 residual; infinite where S is no covariance
+  double nis = 0.0;      ///< residual' S^-1 residual; infinite where S is no covariance
+  double log_det = 0.0;  ///< log |S|
   Eigen::Matrix3d S = Eigen::Matrix3d::Identity();  ///< its first `rows` rows and columns
 };
 
@@ -26,14 +33,19 @@ class Engine {
 
   /// P = F P F' + Q.
   virtual void predict(StateMatrix& P, const Transition& step) const = 0;
-  /// \pre R positive definite
+  /// \pre R positive definite; c = correlation(P, z)
   /// \return the correction of the state
-  [[nodiscard]] virtual Error update(StateMatrix& P, const Observation& z) const = 0;
-  [[nodiscard]] Innovation innovation(const StateMatrix& P, const Observation& z) const;
+  [[nodiscard]] virtual Error update(
+      StateMatrix& P, const Observation& z, const Correlation& c) const = 0;
+  [[nodiscard]] Error update(StateMatrix& P, const Observation& z) const {
+    return update(P, z, correlation(P, z));
+  }
+  [[nodiscard]] static Correlation correlation(const StateMatrix& P, const Observation& z);
+  [[nodiscard]] static Innovation innovation(const Observation& z, const Correlation& c);
 };
 
-/// Fixed-size algebra that leaves out what is zero by structure.
-[[nodiscard]] std::unique_ptr<const Engine> makeFixedEngine();
+/// Fixed-size algebra that leaves out what is zero by structure. \param planar  of the model
+[[nodiscard]] std::unique_ptr<const Engine> makeFixedEngine(bool planar);
 /// On mrpt::bayes::CKalmanFilterCapable.
 [[nodiscard]] std::unique_ptr<const Engine> makeMrptEngine();
 

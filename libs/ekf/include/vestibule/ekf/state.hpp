@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <cstdint>
 
 #include "vestibule/core/frames.hpp"
 
@@ -24,6 +25,14 @@ enum ErrorIndex : int {
   kDisturbance = 23,    ///< [rad] the part of that difference that comes and goes (magnetic)
   kStateSize = 24
 };
+/// A set of them, one bit each.
+constexpr std::uint32_t bits(int first, int count) {
+  return ((1U << static_cast<unsigned>(count)) - 1U) << static_cast<unsigned>(first);
+}
+/// Errors that do not exist in the plane.
+inline constexpr std::uint32_t kSpatial = bits(kPos + 2, 1) | bits(kVel + 2, 1) | bits(kAtt, 2) |
+                                          bits(kGyroBias, 2) | bits(kAccelBias, 3) |
+                                          bits(kGnssBias + 2, 1);
 using Error = Eigen::Matrix<double, kStateSize, 1>;
 using StateMatrix = Eigen::Matrix<double, kStateSize, kStateSize>;
 
