@@ -10,6 +10,8 @@ namespace {
 
 /// A heading reading is of use for starting up for this long.
 constexpr double kHeadingAge_s = 1.0;
+/// Readings of a heading sensor are used ten times a second at most.
+constexpr Duration kHeadingEvery = std::chrono::milliseconds(95);
 
 UpdateReport rejected(const std::string& reason) {
   UpdateReport report;
@@ -47,16 +49,24 @@ void Core::step(const Motion& u) {
 void Core::advance(Timestamp stamp) {
   const Motion u = reckoning_.advance(stamp);
   if (u.dt_s > 0.0) step(u);
+  settle();
+}
+
+void Core::settle() {
+  odometry_.settle();
+  if (ready_) map_.settle();
 }
 
 UpdateReport Core::take(const Imu& imu) {
   step(reckoning_.process(imu, odometry_.state().gyro_bias));
   if (reckoning_.standstill() && last_imu_ && params().use.imuYawRate()) {
+    settle();
     const double interval_s = toSeconds(imu.stamp - *last_imu_);
     odometry_.offerZeroRate(reckoning_.rate(), interval_s);
     if (ready_) map_.offerZeroRate(reckoning_.rate(), interval_s);
   }
   if (!params().plane && params().use.imuAcceleration() && reckoning_.hasForce()) {
+    settle();
     const Eigen::Vector3d own = reckoning_.ownAcceleration(odometry_.state().gyro_bias);
     odometry_.offerGravity(imu.accel_mps2, own);
     if (ready_) map_.offerGravity(imu.accel_mps2, own);
@@ -70,6 +80,7 @@ UpdateReport Core::take(const WheelOdometry& wheels) {
   const auto& turn = reckoning_.wheelTurn();
   if (turn && std::max(std::abs(turn->gyro_rad), std::abs(turn->wheels_rad)) >
                   params().wheels.learn_above_radps * turn->dt_s) {
+    settle();
     const auto offer = [&turn](Tracker& tracker) {
       return tracker.offerWheelTurn(turn->wheels_rad, turn->gyro_rad, turn->forward_m, turn->dt_s);
     };
@@ -81,6 +92,9 @@ UpdateReport Core::take(const WheelOdometry& wheels) {
 }
 
 UpdateReport Core::take(const Heading& heading) {
+  // The error of readings closer together is the same.
+  if (last_heading_ && heading.stamp - *last_heading_ < kHeadingEvery) return rejected(kTooSoon);
+  last_heading_ = heading.stamp;
   advance(heading.stamp);
   const UseParams& use = params().use;
   if (heading.tilt && use.headingTilt()) {

@@ -46,6 +46,7 @@ class Core {
   void step(const Motion& u);
   /// To a stamp at which nothing is said of the motion.
   void advance(Timestamp stamp);
+  void settle();
   void begin(const PoseWithCovariance& T_map_base);
   /// Starts from the odometry track aligned to the fixes.
   void begin(const TrackAlignment::Result& found, const MapFix& fix);
@@ -66,6 +67,7 @@ class Core {
   TrackAlignment realignment_;  ///< of fixes refused in a row
   GnssScreen screen_;
   std::optional<Timestamp> last_imu_;
+  std::optional<Timestamp> last_heading_;
   std::optional<Timestamp> refused_since_;
   std::optional<Timestamp> jumped_since_;
   std::optional<FixKind> fix_kind_;  ///< of the last fix

@@ -9,6 +9,9 @@
 
 namespace vestibule::ekf {
 
+/// Why a heading reading is not looked at: the error of the last one is still the same.
+inline constexpr char kTooSoon[] = "too soon";
+
 struct PoseInput {
   Timestamp stamp;
   PoseWithCovariance T_map_base;

@@ -39,15 +39,16 @@ struct MapFilter::Impl {
     UpdateReport report;
     report.reason = unusable(input);
     if (report.reason.empty()) report = history.insert(input);
-    const bool lost = !report.reason.empty() &&
-                      (report.reason == "not finite" || report.reason == "impossible" ||
-                       report.reason == "stale" || report.reason == "duplicate");
+    const bool lost =
+        !report.reason.empty() && (report.reason == "not finite" || report.reason == "impossible" ||
+                                   report.reason == "stale" || report.reason == "duplicate");
     if (lost) {
       report.decision = Decision::kRejected;
       ++dropped[report.reason];
     }
-    // Wheels and IMU have nothing to be tested against: only what is lost of them is news.
-    const bool quiet = std::holds_alternative<Imu>(input) ||
+    // Wheels and IMU have nothing to be tested against: only what is lost of them is news. Nor are
+    // headings that are left out because there are so many.
+    const bool quiet = report.reason == kTooSoon || std::holds_alternative<Imu>(input) ||
                        std::holds_alternative<WheelOdometry>(input) ||
                        std::holds_alternative<ResetInput>(input);
     if (observers != nullptr && !quiet) {

@@ -66,6 +66,35 @@ State arrived(const State& x, const Motion& u, const Course& c) {
 
 }  // namespace
 
+void Motion::append(const Motion& next) {
+  dt_s += next.dt_s;
+  forward_m += next.forward_m;
+  left_m += next.left_m;
+  turn_rad += next.turn_rad;
+  speed_mps = next.speed_mps;
+  left_mps = next.left_mps;
+  speed_var = next.speed_var;
+
+  forward_var += next.forward_var;
+  left_var += next.left_var;
+  up_var += next.up_var;
+  turn_var += next.turn_var;
+  tilt_var += next.tilt_var;
+  gyro_bias_var += next.gyro_bias_var;
+  accel_bias_var += next.accel_bias_var;
+  wheel_scale_var += next.wheel_scale_var;
+  wheel_skew_var += next.wheel_skew_var;
+  track_var += next.track_var;
+  icr_var += next.icr_var;
+  heading_offset_var += next.heading_offset_var;
+
+  const auto decayed = [](double var, double decay) { return decay * decay * var; };
+  gnss_bias_var = decayed(gnss_bias_var, next.gnss_bias_decay) + next.gnss_bias_var;
+  gnss_bias_decay *= next.gnss_bias_decay;
+  disturbance_var = decayed(disturbance_var, next.disturbance_decay) + next.disturbance_var;
+  disturbance_decay *= next.disturbance_decay;
+}
+
 StateMatrix Transition::F() const {
   StateMatrix F = keep.asDiagonal();
   F.topRows<kTop>() += coupling;

@@ -70,10 +70,21 @@ Error minus(const State& to, const State& from) {
 }
 
 Eigen::Quaterniond rotationExp(const Eigen::Vector3d& turn_rad) {
-  const double angle = turn_rad.norm();
-  // sin(a/2)/a, by its series where the quotient is 0/0.
-  const double share = angle > 1e-4 ? std::sin(0.5 * angle) / angle : 0.5 - angle * angle / 48.0;
-  return {std::cos(0.5 * angle), share * turn_rad.x(), share * turn_rad.y(), share * turn_rad.z()};
+  constexpr double kSmall_sq = 0.05 * 0.05;
+  const double angle_sq = turn_rad.squaredNorm();
+  double half_cos = 0.0;
+  double share = 0.0;  // sin(angle / 2) / angle
+  if (angle_sq < kSmall_sq) {
+    // Series, exact to the last bit; also where the quotient is 0/0.
+    const double h_sq = 0.25 * angle_sq;
+    half_cos = 1.0 - h_sq / 2.0 * (1.0 - h_sq / 12.0 * (1.0 - h_sq / 30.0));
+    share = 0.5 * (1.0 - h_sq / 6.0 * (1.0 - h_sq / 20.0 * (1.0 - h_sq / 42.0)));
+  } else {
+    const double angle = std::sqrt(angle_sq);
+    half_cos = std::cos(0.5 * angle);
+    share = std::sin(0.5 * angle) / angle;
+  }
+  return {half_cos, share * turn_rad.x(), share * turn_rad.y(), share * turn_rad.z()};
 }
 
 Eigen::Matrix3d skew(const Eigen::Vector3d& a) {

@@ -42,6 +42,9 @@ Error mostUncertain() {
 
 double squared(double v) { return v * v; }
 
+/// The covariance follows the state at least this often; a wheeled robot hardly turns meanwhile.
+constexpr double kSettleAfter_s = 0.1;
+
 /// Usual disturbances of the heading are learnt over this many times their duration ...
 constexpr double kDisturbanceMemory = 4.0;
 /// ... within these factors of the configured variance.
@@ -70,6 +73,7 @@ Tracker::Tracker(const Shared& shared, Pose mode) : shared_(&shared), mode_(mode
 }
 
 void Tracker::start(const PoseWithCovariance& T, const Tracker* learnt) {
+  pending_.reset();
   const FilterParams& p = shared_->params;
   if (tape_ != nullptr) tape_->cut();
   State x;
@@ -125,15 +129,27 @@ void Tracker::step(Motion u) {
     u.gnss_bias_decay = std::exp(-u.dt_s / gnss_.correlation_s);
     u.gnss_bias_var = squared(gnss_.slow_sigma_m) * (1.0 - squared(u.gnss_bias_decay));
   }
-  const Model::Predicted predicted = shared_->model.predict(x_, u);
-  if (tape_ != nullptr) tape_->predicted(predicted.step);
-  x_ = predicted.x;
-  shared_->engine->predict(P_, predicted.step);
-  keepWithinBounds();
+  if (pending_ && !pending_->motion.continuedBy(u)) settle();
+  if (pending_) {
+    pending_->motion.append(u);
+  } else {
+    pending_ = Pending{x_, u};
+  }
+  x_ = shared_->model.transition(x_, u);
+  if (!u.rolling || pending_->motion.dt_s >= kSettleAfter_s) settle();
   if (!u.rolling && u.dt_s > 0.0) {
     (void)offer(
         shared_->model.nonHolonomic(x_, u.turn_rad.z() / u.dt_s, kCoastSide_mps, kCoastSide_mps));
   }
+}
+
+void Tracker::settle() {
+  if (!pending_) return;
+  const Transition step = shared_->model.predict(pending_->from, pending_->motion).step;
+  pending_.reset();
+  if (tape_ != nullptr) tape_->predicted(step);
+  shared_->engine->predict(P_, step);
+  keepWithinBounds();
 }
 
 void Tracker::keepWithinBounds() {

@@ -45,7 +45,10 @@ class Tracker {
   /// Starts at a pose in the plane, the heading sensor's offset unknown. \param learnt  height,
   /// tilt and what is known of wheels and IMU are taken from it; null = nothing is known
   void start(const PoseWithCovariance& T, const Tracker* learnt);
+  /// Moves the state. The covariance follows with settle(), for steps of a tenth of a second.
   void step(Motion u);
+  /// Brings the covariance to the state's time. Needed before updates and tests.
+  void settle();
   /// \param inflation  of R when the measurement is used; the test is against R itself
   UpdateReport offer(Observation z, double inflation = 1.0);
   UpdateReport offerHeading(const Heading& heading);
@@ -96,10 +99,17 @@ class Tracker {
   void replace(int first, int count, double variance);
   void keepWithinBounds();
 
+  /// What the covariance has not seen yet.
+  struct Pending {
+    State from;
+    Motion motion;
+  };
+
   const Shared* shared_;
   Pose mode_;
   State x_;
   StateMatrix P_ = StateMatrix::Zero();
+  std::optional<Pending> pending_;
   bool heading_known_ = false;
   bool tilt_known_ = false;
   std::optional<Timestamp> heading_rejected_since_;

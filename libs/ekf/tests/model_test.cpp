@@ -52,10 +52,50 @@ TEST(State, GivesYawPitchAndRollBack) {
   EXPECT_NEAR(x.pose3().roll, -0.3, 1e-12);
 }
 
+TEST(State, RotationExpIsExactOnBothSidesOfItsSeries) {
+  const Eigen::Vector3d axis = Eigen::Vector3d(1.0, -2.0, 0.5).normalized();
+  for (const double angle : {0.0, 1e-9, 1e-4, 0.01, 0.0499, 0.0501, 0.5, 3.0}) {
+    const Eigen::Quaterniond expected(Eigen::AngleAxisd(angle, axis));
+    EXPECT_LT((rotationExp(angle * axis).coeffs() - expected.coeffs()).norm(), 3e-16) << angle;
+  }
+}
+
 class ModelOf : public testing::TestWithParam<bool> {
  protected:
   Model model{GetParam()};
 };
+
+TEST_P(ModelOf, StepsTakenTogetherChangeTheCovarianceAsOneByOne) {
+  RandomStream random(4, "steps");
+  const StateMatrix P0 = someCovariance(model);
+  for (int n = 0; n < 20; ++n) {
+    State x = randomState(random, model.planar());
+    // A robot that keeps going for a tenth of a second.
+    Motion u = randomMotion(random, model.planar(), n % 2);
+    u.forward_m = 0.02;
+    u.left_m = 0.0;
+    u.turn_rad.z() = random.normal(0, 0.01);
+    const State from = x;
+    Motion together = u;
+    StateMatrix P = P0;
+    for (int k = 0; k < 5; ++k) {
+      const Model::Predicted predicted = model.predict(x, u);
+      const StateMatrix F = predicted.step.F();
+      P = F * P * F.transpose() + predicted.step.Q();
+      x = predicted.x;
+      if (k == 0) continue;
+      ASSERT_TRUE(together.continuedBy(u));
+      together.append(u);
+    }
+    const Transition step = model.predict(from, together).step;
+    const StateMatrix P_together = step.F() * P0 * step.F().transpose() + step.Q();
+    // Of the product of the standard deviations: a share of a per cent of any variance.
+    const Error sigma = P.diagonal().cwiseSqrt().cwiseMax(1e-12);
+    const StateMatrix off =
+        sigma.cwiseInverse().asDiagonal() * (P_together - P) * sigma.cwiseInverse().asDiagonal();
+    EXPECT_LT(off.cwiseAbs().maxCoeff(), 0.01) << "motion " << n;
+  }
+}
 
 TEST_P(ModelOf, TransitionJacobianIsTheNumericOne) {
   RandomStream random(2, "model");

@@ -40,6 +40,15 @@ struct Motion {
   double heading_offset_var = 0.0;  ///< [rad^2]
   double disturbance_decay = 1.0;   ///< [-]
   double disturbance_var = 0.0;     ///< [rad^2]
+
+  /// Whether `next` goes on in the same way, so that both are one step to the covariance.
+  [[nodiscard]] bool continuedBy(const Motion& next) const {
+    return rolling && next.rolling && turn_is_gyro == next.turn_is_gyro;
+  }
+  /// As one step: what moves adds up, what is known at the end is that of `next`. The course
+  /// between is taken as straight, which a linearisation does not see over a tenth of a second.
+  /// \pre continuedBy(next)
+  void append(const Motion& next);
 };
 
 /// A step linearised at the estimate: error' = F error + noise. Position, velocity and attitude
