@@ -10,8 +10,8 @@ namespace {
 
 /// A heading reading is of use for starting up for this long.
 constexpr double kHeadingAge_s = 1.0;
-/// Readings of a heading sensor are used ten times a second at most.
-constexpr Duration kHeadingEvery = std::chrono::milliseconds(95);
+/// Share of an interval between readings by which it may be short.
+constexpr double kEarly = 0.05;
 
 UpdateReport rejected(const std::string& reason) {
   UpdateReport report;
@@ -93,7 +93,10 @@ UpdateReport Core::take(const WheelOdometry& wheels) {
 
 UpdateReport Core::take(const Heading& heading) {
   // The error of readings closer together is the same.
-  if (last_heading_ && heading.stamp - *last_heading_ < kHeadingEvery) return rejected(kTooSoon);
+  const double interval_s = (1.0 - kEarly) * params().heading.min_interval_s;
+  if (last_heading_ && toSeconds(heading.stamp - *last_heading_) < interval_s) {
+    return rejected(kTooSoon);
+  }
   last_heading_ = heading.stamp;
   advance(heading.stamp);
   const UseParams& use = params().use;

@@ -86,6 +86,7 @@ void describe(ParamIo& io, HeadingParams& p) {
   io.optionalDegrees("disturbance_sigma_deg", p.disturbance_sigma_rad, nonNegative());
   io.optional("disturbance_time_s", p.disturbance_time_s, positive());
   io.optional("relearn_after_s", p.relearn_after_s, positive());
+  io.optional("min_interval_s", p.min_interval_s, nonNegative());
   io.optionalDegrees("tilt_sigma_deg", p.tilt_sigma_rad, positive());
 }
 

@@ -67,6 +67,7 @@ struct HeadingParams {
       degToRad(12.0);                     ///< [rad] passing deviation (steel, tilt), at first
   double disturbance_time_s = 25.0;       ///< [s] how long such a deviation lasts
   double relearn_after_s = 1.5;           ///< [s] rejected so long: offset learnt anew
+  double min_interval_s = 0.1;            ///< [s] closer readings err alike and are left out
   double tilt_sigma_rad = degToRad(1.5);  ///< [rad] of roll and pitch, where the sensor has them
 };
 
