@@ -41,6 +41,25 @@ FilterDrive::Sample compared(
   return s;
 }
 
+/// \return what became of a fix; accepted for anything else
+ekf::UpdateReport feed(
+    ekf::MapFilter& filter, const Measurement& m, const std::optional<geo::TangentPlane>& plane) {
+  if (const auto* wheels = std::get_if<WheelOdometry>(&m)) return filter.process(*wheels);
+  if (const auto* imu = std::get_if<Imu>(&m)) return filter.process(*imu);
+  if (const auto* heading = std::get_if<Heading>(&m)) return filter.process(*heading);
+  const auto* fix = std::get_if<GnssFix>(&m);
+  if (fix == nullptr) return {};
+  const Eigen::Vector3d p = fix->type == GnssFixType::kNone ? Eigen::Vector3d::Zero()
+                                                            : pipeline::antennaInMap(*fix, plane);
+  return filter.process(pipeline::inMap(*fix, p));
+}
+
+sim::Scenario withoutLidar(const std::string& name) {
+  sim::Scenario scenario = sim::loadScenario(name, shipped("config/scenarios"));
+  scenario.sim.lidar.rate_hz = 0.1;  // nobody looks at it
+  return scenario;
+}
+
 }  // namespace
 
 const FilterDrive::Sample& FilterDrive::at(double t_s) const {
@@ -67,8 +86,7 @@ double FilterDrive::largestStep(double from_s, double to_s) const {
 
 FilterDrive driveFilter(
     const std::string& name, std::uint64_t seed, const ekf::FilterParams& params) {
-  sim::Scenario scenario = sim::loadScenario(name, shipped("config/scenarios"));
-  scenario.sim.lidar.rate_hz = 0.1;  // nobody looks at it
+  const sim::Scenario scenario = withoutLidar(name);
   sim::ScenarioRun run(scenario, seed);
   const std::optional<geo::TangentPlane> plane(scenario.world.datum);
   ekf::MapFilter filter(params, scenario.sim.rig);
@@ -77,25 +95,15 @@ FilterDrive driveFilter(
   std::optional<Eigen::Vector2d> error_before;
   while (!run.finished()) {
     for (const sim::Delivered& d : run.step(kTick)) {
-      const Measurement& m = d.measurement;
-      if (const auto* wheels = std::get_if<WheelOdometry>(&m)) {
-        (void)filter.process(*wheels);
-      } else if (const auto* imu = std::get_if<Imu>(&m)) {
-        (void)filter.process(*imu);
-      } else if (const auto* heading = std::get_if<Heading>(&m)) {
-        (void)filter.process(*heading);
-      } else if (const auto* fix = std::get_if<GnssFix>(&m)) {
-        const bool was_ready = filter.ready();
-        const Eigen::Vector3d p = fix->type == GnssFixType::kNone
-                                      ? Eigen::Vector3d::Zero()
-                                      : pipeline::antennaInMap(*fix, plane);
-        const auto report = filter.process(pipeline::inMap(*fix, p));
-        const double t_s = toSeconds(fix->stamp - start);
-        if (pipeline::wasUsed(report)) result.used_s.push_back(t_s);
-        if (was_ready && fix->type != GnssFixType::kNone && !anyIncident(scenario, t_s)) {
-          ++result.good_fixes;
-          if (!pipeline::wasUsed(report)) ++result.good_refused;
-        }
+      const bool was_ready = filter.ready();
+      const ekf::UpdateReport report = feed(filter, d.measurement, plane);
+      const auto* fix = std::get_if<GnssFix>(&d.measurement);
+      if (fix == nullptr) continue;
+      const double t_s = toSeconds(fix->stamp - start);
+      if (pipeline::wasUsed(report)) result.used_s.push_back(t_s);
+      if (was_ready && fix->type != GnssFixType::kNone && !anyIncident(scenario, t_s)) {
+        ++result.good_fixes;
+        if (!pipeline::wasUsed(report)) ++result.good_refused;
       }
     }
     if (!filter.ready()) continue;
@@ -108,6 +116,31 @@ FilterDrive driveFilter(
     sample.step_m = error_before ? (error - *error_before).norm() : 0.0;
     error_before = error;
     result.samples.push_back(sample);
+  }
+  return result;
+}
+
+EngineDifference engineDifference(const std::string& name, double seconds) {
+  const sim::Scenario scenario = withoutLidar(name);
+  sim::ScenarioRun run(scenario, 1);
+  const std::optional<geo::TangentPlane> plane(scenario.world.datum);
+  ekf::FilterParams params = simulatedRobotFilter();
+  params.engine = ekf::EngineKind::kFixed;
+  ekf::MapFilter fixed(params, scenario.sim.rig);
+  params.engine = ekf::EngineKind::kMrpt;
+  ekf::MapFilter mrpt(params, scenario.sim.rig);
+  EngineDifference result;
+  while (!run.finished() && run.elapsed() < seconds) {
+    for (const sim::Delivered& d : run.step(kTick)) {
+      (void)feed(fixed, d.measurement, plane);
+      (void)feed(mrpt, d.measurement, plane);
+      if (!fixed.ready() || !mrpt.ready()) continue;
+      ++result.compared;
+      result.state =
+          std::max(result.state, ekf::minus(fixed.state(), mrpt.state()).cwiseAbs().maxCoeff());
+      result.covariance = std::max(
+          result.covariance, (fixed.covariance() - mrpt.covariance()).cwiseAbs().maxCoeff());
+    }
   }
   return result;
 }

@@ -37,6 +37,14 @@ struct FilterDrive {
 [[nodiscard]] FilterDrive driveFilter(
     const std::string& scenario, std::uint64_t seed, const ekf::FilterParams& params);
 
+/// Largest differences between both engines, after any measurement of the first `seconds`.
+struct EngineDifference {
+  std::size_t compared = 0;
+  double state = 0.0;
+  double covariance = 0.0;
+};
+[[nodiscard]] EngineDifference engineDifference(const std::string& scenario, double seconds);
+
 /// The parameters of config/filters/simulated_robot.yaml.
 [[nodiscard]] ekf::FilterParams simulatedRobotFilter();
 

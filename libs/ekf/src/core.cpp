@@ -12,6 +12,28 @@ namespace {
 constexpr double kHeadingAge_s = 1.0;
 /// Share of an interval between readings by which it may be short.
 constexpr double kEarly = 0.05;
+/// By so much a receiver's velocity may lag.
+constexpr double kVelocityLag_s = 0.1;
+
+/// Fixes creep: so far from one to the next [sigma], for so long.
+constexpr double kCreepSigmas = 5.0;
+constexpr double kCreep_s = 1.0;
+/// Variances raised by less are not worth saying.
+constexpr double kWorthSaying = 1.1;
+
+std::string oneDecimal(double value) {
+  const auto tenths = static_cast<int>(std::lround(10.0 * value));
+  return std::to_string(tenths / 10) + "." + std::to_string(tenths % 10);
+}
+
+/// Notes in what became of a measurement by how much its variance was raised.
+void tellNoise(UpdateReport& report, double scale) {
+  if (report.decision != Decision::kAccepted || !report.reason.empty() || scale < kWorthSaying) {
+    return;
+  }
+  report.decision = Decision::kDownWeighted;
+  report.reason = "noise x" + oneDecimal(scale);
+}
 
 UpdateReport rejected(const std::string& reason) {
   UpdateReport report;
@@ -29,8 +51,11 @@ Core::Core(const Shared& shared, const SensorRig& rig)
       odometry_(shared, Tracker::Pose::kContinuous),
       map_(shared, Tracker::Pose::kCorrected),
       alignment_(shared.params),
+      bank_(shared.params),
       realignment_(shared.params),
-      screen_(shared.params, rig.p_base_antenna) {}
+      screen_(shared.params, rig.p_base_antenna),
+      fix_noise_{NoiseScale(shared.params), NoiseScale(shared.params), NoiseScale(shared.params)},
+      velocity_noise_(shared.params) {}
 
 UpdateReport Core::apply(const Input& input) {
   return std::visit([this](const auto& m) { return take(m); }, input);
@@ -68,8 +93,8 @@ UpdateReport Core::take(const Imu& imu) {
   if (!params().plane && params().use.imuAcceleration() && reckoning_.hasForce()) {
     settle();
     const Eigen::Vector3d own = reckoning_.ownAcceleration(odometry_.state().gyro_bias);
-    odometry_.offerGravity(imu.accel_mps2, own);
-    if (ready_) map_.offerGravity(imu.accel_mps2, own);
+    odometry_.offerGravity(reckoning_.force(), own);
+    if (ready_) map_.offerGravity(reckoning_.force(), own);
   }
   last_imu_ = imu.stamp;
   return {};
@@ -115,8 +140,49 @@ UpdateReport Core::take(const MapFix& fix) {
   advance(fix.stamp);
   const GnssScreen::Worth worth = screen_.assess(fix);
   if (!worth.refused.empty()) return rejected(worth.refused);
+  if (!params().use.gnssPosition()) return rejected("not used");
   setGnssNoise(worth);
   return ready_ ? fuse(fix, worth) : initialise(fix, worth);
+}
+
+UpdateReport Core::take(const VelocityInput& input) {
+  advance(input.stamp);
+  if (!params().use.gnssVelocity()) return rejected("not used");
+  const GnssVelocity& z = input.velocity;
+  const Eigen::Vector3d lever(rig_->p_base_antenna.x, rig_->p_base_antenna.y, 0.0);
+  const Eigen::Vector3d gyro_bias = (ready_ ? map_ : odometry_).state().gyro_bias;
+  // Receivers filter: a velocity is that of a moment ago.
+  const double sigma = std::hypot(
+      std::max(z.sigma_mps.value_or(0.0), params().gnss.velocity_sigma_mps),
+      kVelocityLag_s * reckoning_.ownAcceleration(gyro_bias).norm());
+  const double interval_s =
+      last_velocity_ ? std::max(1e-3, toSeconds(input.stamp - *last_velocity_)) : 1e3;
+  const double repeats = std::max(1.0, 2.0 * params().gnss.velocity_repeat_s / interval_s);
+  last_velocity_ = input.stamp;
+  const auto measured = [&](const State& x) {
+    return shared_->model.gnssVelocity(
+        x, z.enu_mps, lever, reckoning_.rate(), reckoning_.rateIsGyro(), sigma);
+  };
+  if (ready_) {
+    const double scale = velocity_noise_.value();
+    UpdateReport report = map_.offer(measured(map_.state()), std::max(repeats, scale));
+    velocity_noise_.note(input.stamp, report.dof == 0 ? std::nan("") : report.nis / report.dof);
+    if (scale > repeats) tellNoise(report, scale);
+    return report;
+  }
+
+  const State& x = odometry_.state();
+  const Observation by_odometry = measured(x);
+  const Eigen::Vector2d v_odom = z.enu_mps.head<2>() - by_odometry.residual.head<2>();
+  bank_.add(z.enu_mps.head<2>(), v_odom, sigma * std::sqrt(repeats));
+  const auto found = bank_.solve();
+  if (!found || !last_fix_ || last_fix_->fix.stamp != input.stamp) return rejected("not ready");
+  begin(
+      last_fix_->fix, last_fix_->R, wrapToPi(found->yaw_map_odom_rad + x.yaw()), found->sigma_rad);
+  screen_.accepted(last_fix_->fix);
+  UpdateReport report;
+  report.reason = "initialised";
+  return report;
 }
 
 UpdateReport Core::take(const PoseInput& pose) {
@@ -149,6 +215,17 @@ void Core::begin(const PoseWithCovariance& T_map_base) {
   }
 }
 
+void Core::begin(
+    const MapFix& fix, const Eigen::Matrix3d& R, double yaw_rad, double yaw_sigma_rad) {
+  const Point2 lever = transform(Pose2(0, 0, yaw_rad), rig_->p_base_antenna);
+  PoseWithCovariance T;
+  T.mean = Pose2(fix.p_map_antenna.x() - lever.x, fix.p_map_antenna.y() - lever.y, yaw_rad);
+  T.cov.topLeftCorner<2, 2>() = R.topLeftCorner<2, 2>();
+  T.cov(2, 2) = yaw_sigma_rad * yaw_sigma_rad;
+  begin(T);
+  map_.positionFromGnss(fix.p_map_antenna.z());
+}
+
 void Core::begin(const TrackAlignment::Result& found, const MapFix& fix) {
   PoseWithCovariance T;
   T.mean = compose(found.T_map_odom, odometry_.pose().mean);
@@ -160,6 +237,7 @@ void Core::begin(const TrackAlignment::Result& found, const MapFix& fix) {
 
 UpdateReport Core::initialise(const MapFix& fix, const GnssScreen::Worth& worth) {
   UpdateReport report = rejected("not ready");
+  last_fix_ = UsableFix{fix, worth.R};
   const Pose2 T_odom_base = odometry_.pose().mean;
   const HeadingParams& p = params().heading;
   const double sigma =
@@ -167,14 +245,7 @@ UpdateReport Core::initialise(const MapFix& fix, const GnssScreen::Worth& worth)
   // A sensor that doubts itself is not trusted, whatever the configuration says.
   if (params().init.trust_heading && heading_ && sigma <= params().init.max_yaw_sigma_rad &&
       std::abs(toSeconds(fix.stamp - heading_->stamp)) < kHeadingAge_s) {
-    const Point2 lever = transform(Pose2(0, 0, heading_->yaw_rad), rig_->p_base_antenna);
-    PoseWithCovariance T;
-    T.mean =
-        Pose2(fix.p_map_antenna.x() - lever.x, fix.p_map_antenna.y() - lever.y, heading_->yaw_rad);
-    T.cov.topLeftCorner<2, 2>() = worth.R.topLeftCorner<2, 2>();
-    T.cov(2, 2) = sigma * sigma + p.offset_sigma_rad * p.offset_sigma_rad;
-    begin(T);
-    map_.positionFromGnss(fix.p_map_antenna.z());
+    begin(fix, worth.R, heading_->yaw_rad, std::hypot(sigma, p.offset_sigma_rad));
   } else {
     alignment_.add(
         fix.stamp,
@@ -207,6 +278,11 @@ void Core::setGnssNoise(const GnssScreen::Worth& worth) {
 UpdateReport Core::fuse(const MapFix& fix, const GnssScreen::Worth& worth) {
   const Eigen::Vector3d lever(rig_->p_base_antenna.x, rig_->p_base_antenna.y, 0.0);
   Tracker::GnssTest test = map_.testGnss(fix.p_map_antenna, lever);
+  // Of the two reasons to doubt a fix, that it repeats the last one and that such fixes turned out
+  // worse than they claim, the greater counts: one error is behind both.
+  const double scale = fixNoise(worth.kind).value();
+  fixNoise(worth.kind).note(fix.stamp, test.against_any.nis / test.against_any.dof);
+  if (doubtMotion(fix, worth, test)) test = map_.testGnss(fix.p_map_antenna, lever);
   if (screen_.tooFast(fix, worth.sigma_m)) {
     test.against_any.decision = Decision::kGated;
     test.against_any.reason = "speed";
@@ -229,8 +305,9 @@ UpdateReport Core::fuse(const MapFix& fix, const GnssScreen::Worth& worth) {
     map_.forgetGnssError();
     reason = "relearn";
   }
-  UpdateReport report = map_.useGnss(fix.p_map_antenna, lever, worth.repeats);
+  UpdateReport report = map_.useGnss(fix.p_map_antenna, lever, std::max(worth.repeats, scale));
   if (!reason.empty()) report.reason = reason;
+  if (scale > worth.repeats) tellNoise(report, scale);
   if (report.decision != Decision::kGated) trustGnss(fix);
   return report;
 }
@@ -247,7 +324,29 @@ MapFilter::Expected Core::expected(const MapFix& fix) {
   return map_.expectedFix(lever);
 }
 
+bool Core::doubtMotion(
+    const MapFix& fix, const GnssScreen::Worth& worth, const Tracker::GnssTest& test) {
+  const bool follows = last_miss_ &&
+                       toSeconds(fix.stamp - last_miss_->stamp) < params().gnss.gap_s &&
+                       (test.residual - last_miss_->by_m).norm() < kCreepSigmas * worth.sigma_m;
+  last_miss_ = Miss{fix.stamp, test.residual};
+  if (!follows) creeping_ = false;
+  const bool refused = test.against_any.decision == Decision::kGated ||
+                       test.against_last.decision == Decision::kGated;
+  if (!refused || !creeping_ || worth.kind != FixKind::kCarrierPhase) return false;
+  if (!crept_since_) crept_since_ = fix.stamp;
+  if (toSeconds(fix.stamp - *crept_since_) < kCreep_s) return false;
+  const double yaw = map_.state().yaw();
+  const Eigen::Vector2d nose(std::cos(yaw), std::sin(yaw));
+  const double ahead_m = std::abs(nose.dot(test.residual));
+  map_.doubtMotion(test.residual.squaredNorm() > 2.0 * ahead_m * ahead_m);
+  creeping_ = false;
+  return true;
+}
+
 void Core::trustGnss(const MapFix& fix) {
+  creeping_ = true;
+  crept_since_.reset();
   screen_.accepted(fix);
   realignment_ = TrackAlignment(params());
   refused_since_.reset();

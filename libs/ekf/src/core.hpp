@@ -1,12 +1,15 @@
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 
 #include "alignment.hpp"
 #include "dead_reckoning.hpp"
 #include "gnss_screen.hpp"
+#include "heading_bank.hpp"
 #include "inputs.hpp"
+#include "noise_scale.hpp"
 #include "tracker.hpp"
 
 namespace vestibule::ekf {
@@ -40,6 +43,7 @@ class Core {
   UpdateReport take(const Heading& heading);
   UpdateReport take(const WheelOdometry& wheels);
   UpdateReport take(const MapFix& fix);
+  UpdateReport take(const VelocityInput& input);
   UpdateReport take(const PoseInput& pose);
   UpdateReport take(const ResetInput& reset);
 
@@ -48,12 +52,21 @@ class Core {
   void advance(Timestamp stamp);
   void settle();
   void begin(const PoseWithCovariance& T_map_base);
+  /// Starts where a fix puts a base of this yaw.
+  void begin(const MapFix& fix, const Eigen::Matrix3d& R, double yaw_rad, double yaw_sigma_rad);
   /// Starts from the odometry track aligned to the fixes.
   void begin(const TrackAlignment::Result& found, const MapFix& fix);
   UpdateReport initialise(const MapFix& fix, const GnssScreen::Worth& worth);
   UpdateReport fuse(const MapFix& fix, const GnssScreen::Worth& worth);
   /// Tries to find the pose again from fixes that were all refused.
   bool recover(const MapFix& fix, const GnssScreen::Worth& worth);
+  /// Carrier-phase fixes that creep away from the estimate are right: it is the motion that is
+  /// wrong. \return whether to test the fix again
+  bool doubtMotion(
+      const MapFix& fix, const GnssScreen::Worth& worth, const Tracker::GnssTest& test);
+  [[nodiscard]] NoiseScale& fixNoise(FixKind kind) {
+    return fix_noise_[static_cast<std::size_t>(kind)];
+  }
   void setGnssNoise(const GnssScreen::Worth& worth);
   void trustGnss(const MapFix& fix);
   [[nodiscard]] const FilterParams& params() const { return shared_->params; }
@@ -64,14 +77,30 @@ class Core {
   Tracker odometry_;
   Tracker map_;
   TrackAlignment alignment_;    ///< from the start until ready
+  HeadingBank bank_;            ///< likewise
   TrackAlignment realignment_;  ///< of fixes refused in a row
   GnssScreen screen_;
+  std::array<NoiseScale, 3> fix_noise_;  ///< by FixKind
+  NoiseScale velocity_noise_;
   std::optional<Timestamp> last_imu_;
   std::optional<Timestamp> last_heading_;
   std::optional<Timestamp> refused_since_;
   std::optional<Timestamp> jumped_since_;
+  struct Miss {
+    Timestamp stamp;
+    Eigen::Vector2d by_m;
+  };
+  std::optional<Miss> last_miss_;         ///< of a fix from the estimate
+  std::optional<Timestamp> crept_since_;  ///< fixes are refused since then, creeping
+  bool creeping_ = false;  ///< since the last used fix, they moved away from it without a jump
   std::optional<FixKind> fix_kind_;  ///< of the last fix
   std::optional<Heading> heading_;
+  struct UsableFix {
+    MapFix fix;
+    Eigen::Matrix3d R;
+  };
+  std::optional<UsableFix> last_fix_;  ///< until ready
+  std::optional<Timestamp> last_velocity_;
   bool ready_ = false;
   std::optional<PoseWithCovariance> initial_alignment_;
 };

@@ -80,7 +80,8 @@ void DeadReckoning::addNoise(Motion& u) const {
   const double path_m = u.rolling ? std::hypot(u.forward_m, u.left_m) : 0.0;
   const double doubt = slips_until_ && time_ < *slips_until_ ? kSlipInflation : 1.0;
   u.forward_var += doubt * squared(wheels.distance_sigma_sqrt_m) * path_m;
-  u.left_var += doubt * squared(wheels.lateral_sigma_sqrt_m) * path_m;
+  u.left_var += doubt * (squared(wheels.lateral_sigma_sqrt_m) * path_m +
+                         squared(wheels.turn_lateral_sigma_m_sqrt_rad) * std::abs(u.turn_rad.z()));
   if (u.turn_is_gyro) {
     const double noise_var = squared(params_->gyro.noise_rad_sqrt_s) * u.dt_s;
     u.turn_var += noise_var + squared(params_->gyro.scale_sigma * u.turn_rad.z());
@@ -226,6 +227,15 @@ Eigen::Vector3d DeadReckoning::rateOf(const Imu& imu, double interval_s) {
   return {0.0, 0.0, level ? imu.omega_radps.dot(up_imu_) / force : imu.omega_radps.z()};
 }
 
+Eigen::Vector3d DeadReckoning::forceAtBase(const Imu& imu, double interval_s) const {
+  const auto& at = params_->accel.position_m;
+  const Eigen::Vector3d lever(at[0], at[1], at[2]);
+  const Eigen::Vector3d& omega = imu.omega_radps;
+  Eigen::Vector3d angular = Eigen::Vector3d::Zero();  // acceleration
+  if (interval_s > kLeastInterval_s) angular = (omega - raw_rate_) / interval_s;
+  return imu.accel_mps2 - omega.cross(omega.cross(lever)) - angular.cross(lever);
+}
+
 Motion DeadReckoning::process(const Imu& imu, const Eigen::Vector3d& gyro_bias_radps) {
   start(imu.stamp);
   const bool continuous = gyroAlive(imu.stamp);
@@ -234,7 +244,8 @@ Motion DeadReckoning::process(const Imu& imu, const Eigen::Vector3d& gyro_bias_r
   gyro_still_ = (rate - gyro_bias_radps).norm() < params_->standstill_rate_radps;
   has_force_ = params_->use.imuAcceleration() && imu.accel_mps2.allFinite() &&
                std::abs(imu.accel_mps2.norm() - kGravity) < 0.5 * kGravity;
-  if (has_force_) force_mps2_ = imu.accel_mps2;
+  if (has_force_) force_mps2_ = forceAtBase(imu, continuous ? interval_s : 0.0);
+  raw_rate_ = imu.omega_radps;
   if (!params_->use.imuYawRate()) return advance(imu.stamp);
   const Eigen::Vector3d previous_rate = gyro_rate_;
   gyro_rate_ = rate;

@@ -36,6 +36,8 @@ class DeadReckoning {
   [[nodiscard]] double speed() const { return speed_forward_; }
   /// Gyro reading where there is a gyro, else the wheels' rate; base axes (in the plane: z only).
   [[nodiscard]] Eigen::Vector3d rate() const;
+  /// By the last IMU message that had it, at the base [m/s^2].
+  [[nodiscard]] const Eigen::Vector3d& force() const { return force_mps2_; }
   /// Whether the last IMU message had a full accelerometer's reading.
   [[nodiscard]] bool hasForce() const { return has_force_; }
   /// Of the robot itself by its wheels and turn rate, base axes [m/s^2].
@@ -64,6 +66,8 @@ class DeadReckoning {
   void start(Timestamp stamp);
   void turn(Motion& u, bool gyro, const Eigen::Vector3d& gyro_turn_rad, double wheel_turn_rad);
   void addNoise(Motion& u) const;
+  /// Specific force at the base of a reading taken beside it.
+  [[nodiscard]] Eigen::Vector3d forceAtBase(const Imu& imu, double interval_s) const;
   /// The turn rate as the model wants it: in the plane, about the vertical, however the sensor is
   /// mounted.
   [[nodiscard]] Eigen::Vector3d rateOf(const Imu& imu, double interval_s);
@@ -92,6 +96,7 @@ class DeadReckoning {
   bool gyro_since_wheels_ = false;
   std::optional<WheelTurn> wheel_turn_;
   Eigen::Vector3d force_mps2_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d raw_rate_ = Eigen::Vector3d::Zero();  ///< of the last IMU message
   bool has_force_ = false;
   double wheel_acceleration_mps2_ = 0.0;
   bool gyro_still_ = true;

@@ -11,6 +11,7 @@ namespace {
 constexpr double kMaxIncrement_m = 1e3;
 constexpr double kMaxRate_radps = 1e3;
 constexpr double kMaxPosition_m = 1e7;
+constexpr double kMaxSpeed_mps = 1e3;
 constexpr double kMaxVariance = 1e12;
 constexpr double kMinVariance = 1e-12;
 constexpr double kMaxInterval_s = 1e6;
@@ -37,6 +38,15 @@ struct Fault {
     if (m.type == GnssFixType::kNone) return "";
     if (!m.p_map_antenna.allFinite()) return "not finite";
     return m.p_map_antenna.cwiseAbs().maxCoeff() > kMaxPosition_m ? "impossible" : "";
+  }
+  std::string operator()(const VelocityInput& m) const {
+    const Eigen::Vector3d& v = m.velocity.enu_mps;
+    // An upward velocity that is NaN is not there.
+    const double up = std::isnan(v.z()) ? 0.0 : v.z();
+    if (!v.head<2>().allFinite() || !std::isfinite(up)) return "not finite";
+    if (!std::isfinite(m.velocity.sigma_mps.value_or(0.0))) return "not finite";
+    const bool possible = std::max(v.head<2>().cwiseAbs().maxCoeff(), std::abs(up)) < kMaxSpeed_mps;
+    return possible && m.velocity.sigma_mps.value_or(0.0) < kMaxSpeed_mps ? "" : "impossible";
   }
   static std::string ofPose(const PoseWithCovariance& T) {
     if (!isFinite(T.mean) || !T.cov.allFinite()) return "not finite";
@@ -81,6 +91,11 @@ struct Content {
     add(n, m.hdop);
     n.push_back(m.satellites ? *m.satellites : -1.0);
     if (m.cov) n.insert(n.end(), m.cov->data(), m.cov->data() + 9);
+    return n;
+  }
+  Numbers operator()(const VelocityInput& m) const {
+    Numbers n(m.velocity.enu_mps.data(), m.velocity.enu_mps.data() + 3);
+    add(n, m.velocity.sigma_mps);
     return n;
   }
   static Numbers ofPose(const PoseWithCovariance& T) {

@@ -16,13 +16,19 @@ struct PoseInput {
   Timestamp stamp;
   PoseWithCovariance T_map_base;
 };
+/// The velocity of a fix, after its position.
+struct VelocityInput {
+  Timestamp stamp;
+  GnssVelocity velocity;
+};
 struct ResetInput {
   Timestamp stamp;
   PoseWithCovariance T_map_base;
 };
 /// What a filter is fed. At equal stamps the order of the alternatives counts: inertial data carry
 /// the filter to the stamp.
-using Input = std::variant<Imu, Heading, WheelOdometry, MapFix, PoseInput, ResetInput>;
+using Input =
+    std::variant<Imu, Heading, WheelOdometry, MapFix, VelocityInput, PoseInput, ResetInput>;
 
 [[nodiscard]] Timestamp stampOf(const Input& input);
 /// Why an input cannot be used at all, whatever the filter believes; empty when it can.

@@ -16,6 +16,8 @@ const char* sensorOf(const Input& input) {
       return "wheels";
     case 3:
       return "gnss";
+    case 4:
+      return "gnss_velocity";
     default:
       return "pose";
   }
@@ -79,7 +81,13 @@ MapFilter::~MapFilter() = default;
 UpdateReport MapFilter::process(const WheelOdometry& wheels) { return impl_->process(wheels); }
 UpdateReport MapFilter::process(const Imu& imu) { return impl_->process(imu); }
 UpdateReport MapFilter::process(const Heading& heading) { return impl_->process(heading); }
-UpdateReport MapFilter::process(const MapFix& fix) { return impl_->process(fix); }
+UpdateReport MapFilter::process(const MapFix& fix) {
+  const UpdateReport report = impl_->process(fix);
+  if (fix.velocity && fix.type != GnssFixType::kNone) {
+    (void)impl_->process(VelocityInput{fix.stamp, *fix.velocity});
+  }
+  return report;
+}
 UpdateReport MapFilter::processExternalPose(Timestamp stamp, const PoseWithCovariance& T_map_base) {
   return impl_->process(PoseInput{stamp, symmetric(T_map_base)});
 }

@@ -243,6 +243,33 @@ Observation Model::gnssPosition(
   return z;
 }
 
+Observation Model::gnssVelocity(
+    const State& x,
+    const Eigen::Vector3d& v_map_antenna,
+    const Eigen::Vector3d& p_base_antenna,
+    const Eigen::Vector3d& omega_radps,
+    bool omega_is_gyro,
+    double sigma_mps) const {
+  const Eigen::Matrix3d R = x.q.toRotationMatrix();
+  Eigen::Vector3d omega = omega_radps;
+  if (omega_is_gyro) omega -= x.gyro_bias;
+  const Eigen::Vector3d swing = R * omega.cross(p_base_antenna);
+  const Eigen::Matrix3d by_attitude = -skew(swing);
+  const Eigen::Matrix3d by_bias = R * skew(p_base_antenna);
+  Observation z;
+  z.rows = planar_ || std::isnan(v_map_antenna.z()) ? 2 : 3;
+  z.residual.head(z.rows) = (v_map_antenna - x.v - swing).head(z.rows);
+  z.R *= sigma_mps * sigma_mps;
+  for (int i = 0; i < z.rows; ++i) {
+    z.set(i, kVel + i, 1.0);
+    for (int j = planar_ ? 2 : 0; j < 3; ++j) {
+      z.set(i, kAtt + j, by_attitude(i, j));
+      if (omega_is_gyro) z.set(i, kGyroBias + j, by_bias(i, j));
+    }
+  }
+  return z;
+}
+
 Observation Model::heading(const State& x, double yaw_rad, double sigma_rad) const {
   Observation z;
   z.rows = 1;

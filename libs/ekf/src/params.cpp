@@ -36,11 +36,14 @@ bool UseParams::imuYawRate() const { return contains(imu, "yaw_rate"); }
 bool UseParams::imuAcceleration() const { return contains(imu, "acceleration"); }
 bool UseParams::headingYaw() const { return contains(heading, "yaw"); }
 bool UseParams::headingTilt() const { return contains(heading, "tilt"); }
+bool UseParams::gnssPosition() const { return contains(gnss, "position"); }
+bool UseParams::gnssVelocity() const { return contains(gnss, "velocity"); }
 
 void describe(ParamIo& io, UseParams& p) {
   describeUse(io, "wheels", p.wheels, {"speed", "yaw_rate"});
   describeUse(io, "imu", p.imu, {"yaw_rate", "acceleration"});
   describeUse(io, "heading", p.heading, {"yaw", "tilt"});
+  describeUse(io, "gnss", p.gnss, {"position", "velocity"});
   if (!p.wheelSpeed()) {
     io.problem("wheels", "without 'speed' nothing observes how far the robot went");
   }
@@ -52,6 +55,7 @@ void describe(ParamIo& io, UseParams& p) {
 void describe(ParamIo& io, WheelParams& p) {
   io.optional("distance_sigma_sqrt_m", p.distance_sigma_sqrt_m, positive());
   io.optional("lateral_sigma_sqrt_m", p.lateral_sigma_sqrt_m, positive());
+  io.optional("turn_lateral_sigma_m_sqrt_rad", p.turn_lateral_sigma_m_sqrt_rad, nonNegative());
   io.optional("yaw_sigma_per_rad", p.yaw_sigma_per_rad, positive());
   io.optional("yaw_sigma_sqrt_m", p.yaw_sigma_sqrt_m, positive());
   io.optional("scale_sigma", p.scale_sigma, within(1e-6, 0.5));
@@ -77,6 +81,7 @@ void describe(ParamIo& io, AccelParams& p) {
   io.optional("tilt_sigma_mps2", p.tilt_sigma_mps2, positive());
   io.optional("bias_sigma_mps2", p.bias_sigma_mps2, positive());
   io.optional("bias_walk_mps2_sqrt_s", p.bias_walk_mps2_sqrt_s, nonNegative());
+  io.optional("position_m", p.position_m, 3, 3);
 }
 
 void describe(ParamIo& io, HeadingParams& p) {
@@ -108,6 +113,10 @@ void describe(ParamIo& io, GnssParams& p) {
   io.optional("max_sigma_m", p.max_sigma_m, positive());
   io.optional("max_speed_mps", p.max_speed_mps, positive());
   io.optional("relearn_after_s", p.relearn_after_s, positive());
+  io.optional("adapt_time_s", p.adapt_time_s, nonNegative());
+  io.optional("adapt_most", p.adapt_most, within(1.0, 100.0));
+  io.optional("velocity_sigma_mps", p.velocity_sigma_mps, positive());
+  io.optional("velocity_repeat_s", p.velocity_repeat_s, nonNegative());
 }
 
 void describe(ParamIo& io, RecoveryParams& p) {

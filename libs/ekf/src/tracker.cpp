@@ -44,6 +44,10 @@ double squared(double v) { return v * v; }
 
 /// The covariance follows the state at least this often; a wheeled robot hardly turns meanwhile.
 constexpr double kSettleAfter_s = 0.1;
+/// A gyro's bias that jumped: by how much [rad/s], and how long that goes unnoticed [s].
+constexpr double kDoubtedBias = 0.01;
+constexpr double kDoubted_s = 8.0;
+constexpr double kDoubtedPosition_m = 0.3;
 
 /// Usual disturbances of the heading are learnt over this many times their duration ...
 constexpr double kDisturbanceMemory = 4.0;
@@ -341,6 +345,7 @@ Tracker::GnssTest Tracker::testGnss(
   z.H.middleCols<3>(kGnssBias).setZero();
   z.R += squared(gnss_.slow_sigma_m) * Eigen::Matrix3d::Identity();
   result.against_any = tested(z, Engine::correlation(P_, z));
+  result.residual = z.residual.head<2>();
   return result;
 }
 
@@ -367,6 +372,17 @@ void Tracker::positionFromGnss(std::optional<double> height_m) {
     const double shared = std::min(variance, 0.999 * P_(kPos + i, kPos + i));
     P_(kPos + i, kGnssBias + i) = P_(kGnssBias + i, kPos + i) = -shared;
   }
+}
+
+void Tracker::doubtMotion(bool turned) {
+  Transition doubt;  // nothing moves
+  if (turned) {
+    doubt.rest_noise[kGyroBias + 2 - Transition::kTop] = squared(kDoubtedBias);
+    doubt.top_noise(kAtt + 2, kAtt + 2) = squared(kDoubtedBias * kDoubted_s);
+  }
+  doubt.top_noise(kPos, kPos) = doubt.top_noise(kPos + 1, kPos + 1) = squared(kDoubtedPosition_m);
+  if (tape_ != nullptr) tape_->predicted(doubt);
+  shared_->engine->predict(P_, doubt);
 }
 
 void Tracker::resetPosition(const Eigen::Vector2d& p, const Eigen::Matrix2d& cov) {

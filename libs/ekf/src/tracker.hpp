@@ -68,6 +68,7 @@ class Tracker {
   struct GnssTest {
     UpdateReport against_any;
     UpdateReport against_last;
+    Eigen::Vector2d residual = Eigen::Vector2d::Zero();  ///< [m] against any
   };
   void setGnssNoise(const GnssNoise& noise, bool forget_slow_error);
   [[nodiscard]] GnssTest testGnss(
@@ -80,6 +81,9 @@ class Tracker {
   void forgetGnssError();
   /// The position came from a fix: its error is that of the fix. \param height_m  if known by it
   void positionFromGnss(std::optional<double> height_m);
+  /// The motion was not what the sensors said: the position is a little off. \param turned  the
+  /// gyro's bias, and what it did to the heading since then, may be anything usual, too
+  void doubtMotion(bool turned);
   /// Moves the position, forgetting what was known of it.
   void resetPosition(const Eigen::Vector2d& p, const Eigen::Matrix2d& cov);
 

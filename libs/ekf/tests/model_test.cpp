@@ -4,6 +4,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <functional>
+#include <limits>
 
 #include "random_models.hpp"
 #include "vestibule/core/angles.hpp"
@@ -129,6 +130,13 @@ TEST_P(ModelOf, ObservationJacobiansAreTheNumericOnes) {
     std::vector<std::function<Observation(const State&)>> all{
         [&](const State& s) {
           return model.gnssPosition(s, {3, 4, 5}, {1.0, -0.4, 0.3}, R);
+        },
+        [&](const State& s) {
+          return model.gnssVelocity(s, {1, 2, 0.5}, {1.0, -0.4, 0.3}, {0.2, -0.1, 0.7}, true, 0.1);
+        },
+        [&](const State& s) {
+          const double up = std::numeric_limits<double>::quiet_NaN();
+          return model.gnssVelocity(s, {1, 2, up}, {1.0, -0.4, 0.3}, {0, 0, 0.7}, false, 0.1);
         },
         [&](const State& s) {
           return model.heading(s, x.yaw() + x.heading_offset + x.disturbance + 0.3, 0.1);

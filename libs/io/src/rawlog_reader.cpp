@@ -66,6 +66,36 @@ class PeekStream : public mrpt::io::CStream {
   uint64_t position_ = 0;
 };
 
+/// Speed and course over ground of an RMC or VTG message.
+std::optional<GnssVelocity> toVelocity(const CObservationGPS& obs) {
+  using namespace mrpt::obs::gnss;
+  constexpr double kKnot_mps = 1852.0 / 3600.0;
+  double speed_mps = 0.0;
+  double course_deg = 0.0;  // clockwise from true north
+  if (obs.hasMsgClass<Message_NMEA_RMC>()) {
+    const auto& rmc = obs.getMsgByClass<Message_NMEA_RMC>().fields;
+    if (rmc.validity_char != 'A') return std::nullopt;
+    speed_mps = kKnot_mps * rmc.speed_knots;
+    course_deg = rmc.direction_degrees;
+  } else if (obs.hasMsgClass<Message_NMEA_VTG>()) {
+    const auto& vtg = obs.getMsgByClass<Message_NMEA_VTG>().fields;
+    speed_mps = vtg.ground_speed_kmh / 3.6;
+    course_deg = vtg.true_track;
+  } else {
+    return std::nullopt;
+  }
+  if (!std::isfinite(speed_mps) || !std::isfinite(course_deg) || speed_mps < 0.0) {
+    return std::nullopt;
+  }
+  const double course_rad = degToRad(course_deg);
+  GnssVelocity velocity;
+  velocity.enu_mps = {
+      speed_mps * std::sin(course_rad),
+      speed_mps * std::cos(course_rad),
+      std::numeric_limits<double>::quiet_NaN()};
+  return velocity;
+}
+
 std::optional<GnssFix> toFix(const CObservationGPS& obs) {
   using mrpt::obs::gnss::Message_NMEA_GGA;
   if (!obs.hasMsgClass<Message_NMEA_GGA>()) return std::nullopt;
@@ -96,6 +126,7 @@ std::optional<GnssFix> toFix(const CObservationGPS& obs) {
       gga.latitude_degrees, gga.longitude_degrees, gga.altitude_meters + gga.geoidal_distance};
   if (gga.thereis_HDOP) fix.hdop = static_cast<double>(gga.HDOP);
   fix.satellites = static_cast<int>(gga.satellitesUsed);
+  fix.velocity = toVelocity(obs);
   return fix;
 }
 

@@ -42,6 +42,18 @@ int qualityOf(GnssFixType type) {
   return 8;  // NMEA's "simulated": read back as unknown
 }
 
+/// Speed and course over ground; RMC knows neither an upward velocity nor a sigma.
+gnss::Message_NMEA_RMC courseMessage(const GnssVelocity& velocity) {
+  constexpr double kKnot_mps = 1852.0 / 3600.0;
+  const Eigen::Vector3d& v = velocity.enu_mps;
+  gnss::Message_NMEA_RMC rmc;
+  rmc.fields.validity_char = 'A';
+  rmc.fields.speed_knots = v.head<2>().norm() / kKnot_mps;
+  const double course_deg = radToDeg(std::atan2(v.x(), v.y()));
+  rmc.fields.direction_degrees = course_deg < 0.0 ? course_deg + 360.0 : course_deg;
+  return rmc;
+}
+
 }  // namespace
 
 const char* labelOf(const Measurement& measurement) {
@@ -106,6 +118,7 @@ struct RawlogWriter::Impl {
     gga.fields.satellitesUsed = static_cast<uint32_t>(m.satellites.value_or(0));
     CObservationGPS obs;
     obs.setMsg(gga);
+    if (m.velocity) obs.setMsg(courseMessage(*m.velocity));
     obs.originalReceivedTimestamp = toMrpt(m.stamp);
     obs.has_satellite_timestamp = false;
     put(obs, m.stamp, label);

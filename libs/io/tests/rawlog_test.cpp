@@ -50,6 +50,7 @@ std::string writeSample(const std::filesystem::path& path, int rounds) {
     fix.position = Geodetic{36.83, -2.41, 123.25};
     fix.hdop = 0.75;
     fix.satellites = 14;
+    fix.velocity = GnssVelocity{{-0.6, 0.8, 0.1}, 0.05};
     writer.write(fix, "gnss");
     writer.write(someScan(t), "laser");
   }
@@ -79,6 +80,10 @@ TEST(Rawlog, WhatTheWriterWritesComesBack) {
     EXPECT_EQ(fix.hdop, 0.75);
     EXPECT_EQ(fix.satellites, 14);
     EXPECT_FALSE(fix.cov_enu) << "unknown is not zero";
+    ASSERT_TRUE(fix.velocity);
+    EXPECT_LT((fix.velocity->enu_mps.head<2>() - Eigen::Vector2d(-0.6, 0.8)).norm(), 1e-9);
+    EXPECT_TRUE(std::isnan(fix.velocity->enu_mps.z())) << "RMC has speed and course only";
+    EXPECT_FALSE(fix.velocity->sigma_mps);
 
     const auto& scan = std::get<LaserScan>(at[4].measurement);
     const LaserScan expected = someScan(t);

@@ -14,7 +14,7 @@ Eigen::Vector3d antennaInMap(const GnssFix& fix, const std::optional<geo::Tangen
 }
 
 ekf::MapFix inMap(const GnssFix& fix, const Eigen::Vector3d& p_map_antenna) {
-  return {fix.stamp, p_map_antenna, fix.cov_enu, fix.type, fix.hdop, fix.satellites};
+  return {fix.stamp, p_map_antenna, fix.cov_enu, fix.type, fix.hdop, fix.satellites, fix.velocity};
 }
 
 bool wasUsed(const ekf::UpdateReport& report) {

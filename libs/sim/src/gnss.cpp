@@ -29,6 +29,7 @@ constexpr double kReflectionNoise = 2.0;  // white noise of a reflection against
 constexpr double kWorstHdop = 20.0;       // a receiver reports no worse geometry
 constexpr double kRaimLimit = 4.0;        // times the claimed sigma
 constexpr int kRaimMost = 2;
+constexpr double kRateSlow_s = 10.0;  // how long the slow part of range rates lasts
 constexpr Duration kSkyPeriod = std::chrono::seconds(1);
 
 /// Weighted least squares of position and clock.
@@ -59,6 +60,8 @@ void describe(ParamIo& io, GnssParams& params) {
   io.optional("nlos_length_m", params.nlos_length_m, positive());
   io.optional("raim", params.raim);
   io.optional("smoothing_s", params.smoothing_s, nonNegative());
+  io.optional("rate_white_mps", params.rate_white_mps, positive());
+  io.optional("rate_slow_mps", params.rate_slow_mps, nonNegative());
   io.optional("float_sigma_m", params.float_sigma_m, positive());
   io.optional("fixed_sigma_m", params.fixed_sigma_m, positive());
   io.optional("wrong_fix_share", params.wrong_fix_share, within(0.0, 1.0));
@@ -79,7 +82,8 @@ GnssModel::GnssModel(
       params_(params),
       seed_(seed),
       constellation_(datum, derivedSeed(seed, "gnss sky")),
-      last_position_(datum) {
+      last_position_(datum),
+      rate_slow_(constellation_.size(), 0.0) {
   RandomStream random(seed_, "gnss start");
   for (int axis = 0; axis < 3; ++axis) carrier_slow_[axis] = random.normal();
   for (std::size_t i = 0; i < constellation_.size(); ++i) slow_.push_back(random.normal());
@@ -162,6 +166,7 @@ std::vector<GnssModel::Range> GnssModel::rangesNow(
     range.white_m = params_.range_white_m / sine * (range.in_view ? 1.0 : kReflectionNoise);
     range.slow_m = params_.range_slow_m / sine;
     range.slow_unit = slow_[i];
+    range.satellite = i;
     range.receiver_m = std::hypot(params_.range_white_m, params_.range_slow_m) / sine;
     ranges.push_back(range);
   }
@@ -220,8 +225,54 @@ GnssFixType GnssModel::typeNow(Timestamp stamp, int in_view, int used, bool corr
   return GnssFixType::kSingle;
 }
 
+GnssVelocity GnssModel::velocityNow(
+    Timestamp stamp,
+    const std::vector<Range>& ranges,
+    const Eigen::Matrix4d& gain_q,
+    const Eigen::Vector3d& v_map_antenna) {
+  // A stream of its own, by satellite: what is in view must not shift it.
+  RandomStream random(seed_, "gnss rate", index_);
+  std::vector<double> white(rate_slow_.size());
+  const double keep = std::exp(-1.0 / (params_.rate_hz * kRateSlow_s));
+  for (std::size_t i = 0; i < white.size(); ++i) {
+    white[i] = random.normal();
+    rate_slow_[i] = keep * rate_slow_[i] + std::sqrt(1.0 - keep * keep) * random.normal();
+  }
+  Eigen::Vector4d right = Eigen::Vector4d::Zero();
+  Eigen::Matrix4d spread = Eigen::Matrix4d::Zero();
+  std::map<std::size_t, Detour> detours;
+  for (const Range& range : ranges) {
+    const double longer =
+        range.receiver_m / std::hypot(params_.range_white_m, params_.range_slow_m);
+    const double noise = range.in_view ? 1.0 : kReflectionNoise;
+    double rate_mps = longer * (noise * params_.rate_white_mps * white[range.satellite] +
+                                params_.rate_slow_mps * rate_slow_[range.satellite]);
+    if (range.bias_m != 0.0) {
+      const auto before = detours_.find(range.satellite);
+      if (before != detours_.end() && stamp > before->second.stamp) {
+        rate_mps +=
+            (range.bias_m - before->second.bias_m) / toSeconds(stamp - before->second.stamp);
+      }
+      detours[range.satellite] = {stamp, range.bias_m};
+    }
+    const double weight = 1.0 / (range.receiver_m * range.receiver_m);
+    right += weight * rate_mps * range.row;
+    const double claimed_mps = longer * std::hypot(params_.rate_white_mps, params_.rate_slow_mps);
+    spread += weight * weight * claimed_mps * claimed_mps * range.row * range.row.transpose();
+  }
+  detours_ = std::move(detours);
+  GnssVelocity velocity;
+  velocity.enu_mps = v_map_antenna + (gain_q * right).head<3>();
+  const Eigen::Matrix4d cov = gain_q * spread * gain_q;
+  velocity.sigma_mps = std::sqrt(0.5 * (cov(0, 0) + cov(1, 1)));
+  return velocity;
+}
+
 GnssFix GnssModel::measure(
-    Timestamp stamp, const Moment& moment, const Eigen::Vector3d& p_map_antenna) {
+    Timestamp stamp,
+    const Moment& moment,
+    const Eigen::Vector3d& p_map_antenna,
+    const Eigen::Vector3d& v_map_antenna) {
   ageErrors();
   std::vector<Range> ranges = rangesNow(stamp, moment, p_map_antenna);
   if (blocked_) ranges.clear();
@@ -325,6 +376,7 @@ GnssFix GnssModel::measure(
   }
   error += offset_m_;
   truth_.error_enu_m = error;
+  fix.velocity = velocityNow(stamp, ranges, solution.gain_q, v_map_antenna);
   fix.cov_enu = Eigen::Matrix3d(claimed.diagonal().asDiagonal());
   last_position_ = plane_.toGeodetic(p_map_antenna + error);
   fix.position = last_position_;

@@ -215,12 +215,15 @@ std::vector<Delivered> Simulator::step(Duration dt) {
       transport_.send(compass_.measure(time_, truth, geometry_->distanceToRoofs(here)));
     }
     if (due(steps_, params_.gnss.rate_hz)) {
-      const Pose3& T = history_.back();
       const Point2& arm = params_.rig.p_base_antenna;
-      const Eigen::Vector3d p_map_antenna =
-          positionOf(T) +
-          rotationOf(T) * Eigen::Vector3d(arm.x, arm.y, params_.gnss.antenna_height_m);
-      transport_.send(gnss_.measure(time_, moment_, p_map_antenna));
+      const Eigen::Vector3d p_base_antenna(arm.x, arm.y, params_.gnss.antenna_height_m);
+      const auto place = [&p_base_antenna](const Pose3& T) -> Eigen::Vector3d {
+        return positionOf(T) + rotationOf(T) * p_base_antenna;
+      };
+      const Eigen::Vector3d p_map_antenna = place(history_.back());
+      const Eigen::Vector3d v_map_antenna =
+          (p_map_antenna - place(history_[history_.size() - 2])) / toSeconds(kTruthStep);
+      transport_.send(gnss_.measure(time_, moment_, p_map_antenna, v_map_antenna));
     }
     if (due(steps_, params_.lidar.rate_hz)) {
       const double sweep_s = params_.lidar.sweep_s;

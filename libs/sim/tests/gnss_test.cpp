@@ -167,6 +167,44 @@ TEST_F(Gnss, TheReceiversOwnFilterTakesTheNoiseOutOfCodeFixes) {
   EXPECT_NEAR(noise(3.0) / noise(0.0), std::sqrt((1.0 - keep) / (1.0 + keep)), 0.02);
 }
 
+TEST_F(Gnss, VelocityIsAsGoodAsItSaysInTheOpenAndDisturbsNothing) {
+  GnssParams params;
+  const Eigen::Vector3d v(0.6, -0.8, 0.0);
+  GnssModel gnss = receiver(params, 5);
+  GnssModel standing = receiver(params, 5);
+  Moments ratio;
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (int i = 0; i < 3000; ++i) {
+    const Moment moment;
+    const GnssFix fix = gnss.measure(at(0.2 * i), moment, open_, v);
+    const GnssFix other = standing.measure(at(0.2 * i), moment, open_);
+    ASSERT_TRUE(fix.velocity && fix.velocity->sigma_mps);
+    const Eigen::Vector3d error = fix.velocity->enu_mps - v;
+    // The velocity is one more output: the position, its noise included, is what it was.
+    ASSERT_EQ(errorOf(fix, open_), errorOf(other, open_));
+    ratio.add(0.5 * error.head<2>().squaredNorm() / std::pow(*fix.velocity->sigma_mps, 2));
+    sum += error;
+  }
+  EXPECT_GT(ratio.mean(), 0.8);
+  EXPECT_LT(ratio.mean(), 1.25);
+  EXPECT_LT(sum.norm() / 3000, 0.01);
+}
+
+TEST_F(Gnss, ReflectionsBendTheVelocityAsTheDetourChanges) {
+  // Beside the barn, driving along it: worse than the receiver thinks.
+  GnssParams params;
+  GnssModel gnss = receiver(params, 6);
+  Moments ratio;
+  for (int i = 0; i < 600; ++i) {
+    const Eigen::Vector3d p(-5.0 + 0.04 * i, -1.0, 1.0);
+    const GnssFix fix = gnss.measure(at(0.2 * i), Moment{}, p, {0.2, 0, 0});
+    if (fix.type == GnssFixType::kNone || !fix.velocity) continue;
+    const Eigen::Vector2d error = fix.velocity->enu_mps.head<2>() - Eigen::Vector2d(0.2, 0.0);
+    ratio.add(0.5 * error.squaredNorm() / std::pow(*fix.velocity->sigma_mps, 2));
+  }
+  EXPECT_GT(ratio.mean(), 1.5);
+}
+
 TEST_F(Gnss, ReflectionsAreAFunctionOfPlace) {
   GnssParams params;
   params.receiver = GnssClass::kSingle;

@@ -24,7 +24,8 @@ struct UpdateReport {
   Decision decision = Decision::kAccepted;
   /// "", "chi2" (far from the estimate), "jump" (far from where the fixes before it lay), "speed"
   /// (no robot is so fast), "stale", "duplicate", "not finite", "impossible", "no fix", "sigma",
-  /// "not ready", "not used", "reset" (position moved to a new cluster), "initialised", "relearn"
+  /// "not ready", "not used", "reset" (position moved to a new cluster), "initialised", "relearn",
+  /// "noise x2.3" (so much more variance than claimed, learnt from the innovations)
   std::string reason;
   double nis = 0.0;
   double gate = 0.0;
@@ -44,6 +45,7 @@ struct MapFix {
   GnssFixType type = GnssFixType::kUnknown;
   std::optional<double> hdop;
   std::optional<int> satellites;
+  std::optional<GnssVelocity> velocity = std::nullopt;
 };
 
 /// The GNSS/IMU/wheel filter. It keeps two estimates of the same model:
@@ -75,6 +77,8 @@ class MapFilter {
   UpdateReport process(const WheelOdometry& wheels);
   UpdateReport process(const Imu& imu);
   UpdateReport process(const Heading& heading);
+  /// A velocity with the fix is a measurement of its own and reported as "gnss_velocity".
+  /// \return what became of the position
   UpdateReport process(const MapFix& fix);
   UpdateReport processExternalPose(Timestamp stamp, const PoseWithCovariance& T_map_base);
   /// Starts (again) from a known pose. Keeps what was learnt of the sensors.

@@ -113,6 +113,16 @@ class Model {
       const Eigen::Vector3d& p_map_antenna,
       const Eigen::Vector3d& p_base_antenna,
       const Eigen::Matrix3d& R) const;
+  /// Velocity of the antenna: z = v + R ((omega - gyro bias) x p_base_antenna). Two rows in the
+  /// plane and where the upward velocity is NaN.
+  /// \param omega_is_gyro  else it is the turn rate itself
+  [[nodiscard]] Observation gnssVelocity(
+      const State& x,
+      const Eigen::Vector3d& v_map_antenna,
+      const Eigen::Vector3d& p_base_antenna,
+      const Eigen::Vector3d& omega_radps,
+      bool omega_is_gyro,
+      double sigma_mps) const;
   /// Heading sensor: z = yaw + offset + disturbance.
   [[nodiscard]] Observation heading(const State& x, double yaw_rad, double sigma_rad) const;
   /// Roll and pitch of an attitude sensor.

@@ -13,6 +13,7 @@ struct UseParams {
   std::vector<std::string> wheels{"speed", "yaw_rate"};
   std::vector<std::string> imu{"yaw_rate", "acceleration"};
   std::vector<std::string> heading{"yaw", "tilt"};
+  std::vector<std::string> gnss{"position", "velocity"};
 
   [[nodiscard]] bool wheelSpeed() const;
   [[nodiscard]] bool wheelYawRate() const;
@@ -20,20 +21,23 @@ struct UseParams {
   [[nodiscard]] bool imuAcceleration() const;
   [[nodiscard]] bool headingYaw() const;
   [[nodiscard]] bool headingTilt() const;
+  [[nodiscard]] bool gnssPosition() const;
+  [[nodiscard]] bool gnssVelocity() const;
 };
 
 /// How the wheels err. The yaw of the wheels is used only while there is no gyro.
 struct WheelParams {
-  double distance_sigma_sqrt_m = 0.05;  ///< [m/sqrt(m)] random walk along the path
-  double lateral_sigma_sqrt_m = 0.03;   ///< [m/sqrt(m)] the same sideways (skidding)
-  double yaw_sigma_per_rad = 0.15;      ///< [-] of a turn measured by the wheels
-  double yaw_sigma_sqrt_m = 0.01;       ///< [rad/sqrt(m)] of the wheels' yaw on a straight
-  double scale_sigma = 0.08;            ///< [-] of the true distance per wheel distance, at start
-  double scale_walk_sqrt_m = 2e-4;      ///< [1/sqrt(m)] its drift
-  double track_sigma = 0.3;             ///< [-] log of the turn they claim per true turn, at start
-  double skew_sigma_rad_per_m = 0.01;   ///< [rad/m] turn when they claim to go straight, at start
-  double icr_sigma_m = 0.0;             ///< [m] centre of rotation ahead of the base; 0 = there
-  double learn_above_radps = 0.15;      ///< track and centre of rotation need turns
+  double distance_sigma_sqrt_m = 0.05;         ///< [m/sqrt(m)] random walk along the path
+  double lateral_sigma_sqrt_m = 0.03;          ///< [m/sqrt(m)] the same sideways (skidding)
+  double turn_lateral_sigma_m_sqrt_rad = 0.0;  ///< [m/sqrt(rad)] the same in turns, on top
+  double yaw_sigma_per_rad = 0.15;             ///< [-] of a turn measured by the wheels
+  double yaw_sigma_sqrt_m = 0.01;              ///< [rad/sqrt(m)] of the wheels' yaw on a straight
+  double scale_sigma = 0.08;           ///< [-] of the true distance per wheel distance, at start
+  double scale_walk_sqrt_m = 2e-4;     ///< [1/sqrt(m)] its drift
+  double track_sigma = 0.3;            ///< [-] log of the turn they claim per true turn, at start
+  double skew_sigma_rad_per_m = 0.01;  ///< [rad/m] turn when they claim to go straight, at start
+  double icr_sigma_m = 0.0;            ///< [m] centre of rotation ahead of the base; 0 = there
+  double learn_above_radps = 0.15;     ///< track and centre of rotation need turns
   double max_gap_s = 0.5;  ///< [s] a longer silence than this (or 2.5 periods) = dropout
   double dropout_speed_sigma_mps = 0.7;  ///< [m/s] what the robot may do meanwhile
 };
@@ -52,6 +56,8 @@ struct AccelParams {
   double tilt_sigma_mps2 = 0.6;      ///< [m/s^2] as a level, with the robot's own motion
   double bias_sigma_mps2 = 0.1;      ///< [m/s^2] at start
   double bias_walk_mps2_sqrt_s = 2e-4;
+  /// [m] where it sits, base axes: what turning does to it is taken out.
+  std::vector<double> position_m{0.0, 0.0, 0.0};
 };
 
 /// Absolute heading (compass, IMU orientation). The filter estimates the sensor's offset, so only
@@ -88,10 +94,14 @@ struct GnssParams {
   double differential_repeat_s = 5.0;        ///< [s]
   double rtk_slow_share = 0.0;               ///< and of RTK fixes
   double rtk_correlation_s = 2.0;            ///< [s]
-  double gap_s = 3.0;            ///< [s] after a longer silence fixes are doubted (x3) for 5 s
-  double max_sigma_m = 50.0;     ///< [m] a fix that says it is worse is rejected
-  double max_speed_mps = 20.0;   ///< [m/s] no robot is faster
-  double relearn_after_s = 3.0;  ///< [s] rejected so long: the slow error is learnt anew
+  double gap_s = 3.0;               ///< [s] after a longer silence fixes are doubted (x3) for 5 s
+  double max_sigma_m = 50.0;        ///< [m] a fix that says it is worse is rejected
+  double max_speed_mps = 20.0;      ///< [m/s] no robot is faster
+  double relearn_after_s = 3.0;     ///< [s] rejected so long: the slow error is learnt anew
+  double velocity_sigma_mps = 0.1;  ///< [m/s] per axis, floor of the reported one
+  double adapt_time_s = 60.0;  ///< [s] over which a kind's noise is learnt; 0 = claims are taken
+  double adapt_most = 9.0;     ///< [-] of the variance, at most
+  double velocity_repeat_s = 0.5;  ///< [s] so long the error of a velocity stays the same
 };
 
 /// Re-acquisition after rejections: a cluster of fixes that moves as the odometry does.

@@ -52,6 +52,12 @@ struct LocalPosition {
   double up_m = 0.0;
 };
 
+/// Velocity of the antenna by Doppler or carrier phase, which does not come from its positions.
+struct GnssVelocity {
+  Eigen::Vector3d enu_mps = Eigen::Vector3d::Zero();  ///< up: NaN = not measured
+  std::optional<double> sigma_mps;                    ///< per axis, as reported; empty = unknown
+};
+
 /// One fix of the antenna phase centre.
 struct GnssFix {
   Timestamp stamp;
@@ -61,6 +67,7 @@ struct GnssFix {
   std::optional<Eigen::Matrix3d> cov_enu;
   std::optional<double> hdop;
   std::optional<int> satellites;
+  std::optional<GnssVelocity> velocity = std::nullopt;
 };
 
 /// One sweep of a planar lidar. Beam i points at angle_min_rad + i * angle_step_rad in the laser

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <vector>
 
@@ -44,6 +45,10 @@ struct GnssParams {
   /// velocity, so it does not lag): noise shrinks, and a new reflection is followed gradually.
   double smoothing_s = 8.0;
 
+  // Doppler
+  double rate_white_mps = 0.05;  ///< range rate, at the zenith; grows like the ranges' noise
+  double rate_slow_mps = 0.01;   ///< Gauss-Markov, likewise
+
   // carrier phase
   double float_sigma_m = 0.25;    ///< slow; the white part is 0.1 m
   double fixed_sigma_m = 0.014;   ///< slow; the white part is as large
@@ -79,8 +84,12 @@ class GnssModel {
       std::uint64_t seed);
 
   /// Call at the receiver's rate: errors age by one period per call.
+  /// \param v_map_antenna  its true velocity [m/s]
   [[nodiscard]] GnssFix measure(
-      Timestamp stamp, const Moment& moment, const Eigen::Vector3d& p_map_antenna);
+      Timestamp stamp,
+      const Moment& moment,
+      const Eigen::Vector3d& p_map_antenna,
+      const Eigen::Vector3d& v_map_antenna = Eigen::Vector3d::Zero());
 
   /// Adds an offset to every fix [m] and, if `blocked`, lets no satellite through; until changed.
   void disturb(const Eigen::Vector3d& offset_enu_m, bool blocked);
@@ -96,11 +105,18 @@ class GnssModel {
     double bias_m = 0.0;      // reflection
     double receiver_m = 0.0;  // sigma that the receiver takes it for
     bool in_view = true;
+    std::size_t satellite = 0;
   };
   [[nodiscard]] std::vector<Range> rangesNow(
       Timestamp stamp, const Moment& moment, const Eigen::Vector3d& p_map_antenna);
   [[nodiscard]] GnssFixType typeNow(Timestamp stamp, int in_view, int used, bool corrections);
   void ageErrors();
+  /// Doppler of the ranges in use: a reflection's detour changes as the antenna moves.
+  [[nodiscard]] GnssVelocity velocityNow(
+      Timestamp stamp,
+      const std::vector<Range>& ranges,
+      const Eigen::Matrix4d& gain_q,
+      const Eigen::Vector3d& v_map_antenna);
   [[nodiscard]] Eigen::Vector3d smoothed(Timestamp stamp, const Eigen::Vector3d& code_error_m);
 
   const WorldGeometry& geometry_;
@@ -128,6 +144,12 @@ class GnssModel {
   Geodetic last_position_;
   std::optional<Timestamp> smoothed_at_;
   Eigen::Vector3d smoothed_m_ = Eigen::Vector3d::Zero();
+  std::vector<double> rate_slow_;  // per satellite, unit variance
+  struct Detour {
+    Timestamp stamp;
+    double bias_m = 0.0;
+  };
+  std::map<std::size_t, Detour> detours_;  // of the last epoch, by satellite
   GnssTruth truth_;
 };
 
