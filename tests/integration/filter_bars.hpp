@@ -104,7 +104,7 @@ inline void expectOutage(const std::string& scenario, double length_s, std::uint
     const auto& begin = drive.at(60.0);
     const auto& end = drive.at(60.0 + length_s - 0.1);
     // What the outage adds to the error, per distance driven in it.
-    const double added = std::hypot(end.error_m, 0.0) - begin.error_m;
+    const double added = end.error_m - begin.error_m;
     drift.push_back(std::max(0.0, added) / std::max(1.0, end.driven_m - begin.driven_m));
     const auto used = std::find_if(
         drive.used_s.begin(), drive.used_s.end(), [&](double t) { return t > 60.0 + length_s; });
@@ -119,10 +119,9 @@ inline void expectOutage(const std::string& scenario, double length_s, std::uint
       100.0 * figures.median,
       100.0 * figures.p95,
       slowest);
-  // One per cent is what calibrated wheels and a heading known to half a degree would allow; with
-  // single-point fixes the heading before the outage is three times worse (docs/results.md).
+  // Calibrated wheels and a heading that the receiver's velocities told to half a degree.
   if (length_s <= 60.0) {
-    EXPECT_LE(figures.median, 0.03) << "of the distance";
+    EXPECT_LE(figures.median, 0.01) << "of the distance";
   }
   EXPECT_LE(slowest, 5.0 + 5.0) << "[s]; the receiver itself needs up to 5 s";
 }
