@@ -126,8 +126,8 @@ class MapFilter {
   /// Measurements that came late and made others be done again.
   [[nodiscard]] std::size_t replays() const;
 
-  /// For a recording in order of its stamps: from now on late measurements are refused, and nothing is
-  /// kept to go back to.
+  /// For a recording in order of its stamps: from now on late measurements are refused, and nothing
+  /// is kept to go back to.
   void expectOrder();
   /// Tells the tape of everything done to the map's estimate from now on, until null is given.
   /// Late measurements are refused from then on: a tape cannot be rewound.
