@@ -185,8 +185,7 @@ void convert(const ConvertArguments& args) {
   }
   const bool from_map =
       from == ".yaml" || from == ".yml" || from == ".simplemap" || from == ".gridmap";
-  const bool recording =
-      from != ".tum" && from != ".pcd" && !from_map && to == ".rawlog";
+  const bool recording = from != ".tum" && from != ".pcd" && !from_map && to == ".rawlog";
   if (!args.slips.empty() && !recording) {
     throw ConfigError("--slips " + args.slips + ": only a recording has odometry that can slip");
   }

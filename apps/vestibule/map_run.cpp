@@ -127,8 +127,7 @@ double contradictedShare(const mapping::SessionShare& s) {
 
 }  // namespace
 
-Json sessionsJson(
-    const mapping::SessionCells& sessions, const std::vector<io::MapFrame>& frames) {
+Json sessionsJson(const mapping::SessionCells& sessions, const std::vector<io::MapFrame>& frames) {
   Json list = Json::array();
   for (const mapping::SessionShare& share : sessions.shares) {
     Json j;
@@ -146,8 +145,7 @@ Json sessionsJson(
   return list;
 }
 
-void addSessions(
-    const mapping::SessionCells& sessions, gui_headless::ReportSection& section) {
+void addSessions(const mapping::SessionCells& sessions, gui_headless::ReportSection& section) {
   if (sessions.shares.size() < 2) return;
   for (const mapping::SessionShare& share : sessions.shares) {
     section.figures.push_back(figure(

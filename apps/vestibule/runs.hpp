@@ -71,8 +71,7 @@ struct MapArguments {
 /// there are several.
 [[nodiscard]] Json sessionsJson(
     const mapping::SessionCells& sessions, const std::vector<io::MapFrame>& frames);
-void addSessions(
-    const mapping::SessionCells& sessions, gui_headless::ReportSection& section);
+void addSessions(const mapping::SessionCells& sessions, gui_headless::ReportSection& section);
 [[nodiscard]] std::pair<pipeline::MapDriveResult, gui_headless::ReportSection> runMap(
     const MapArguments& args, const pipeline::Config& config, RunOutput& output);
 

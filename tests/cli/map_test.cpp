@@ -60,8 +60,7 @@ class MapDrive : public Cli {
       EXPECT_EQ(pixels[i], 0);
       ++counts.at(static_cast<std::size_t>(pixels[i + 1]));
     }
-    EXPECT_EQ(
-        static_cast<std::size_t>(counts[0]), map.count(grid::Cell::kUnknown));
+    EXPECT_EQ(static_cast<std::size_t>(counts[0]), map.count(grid::Cell::kUnknown));
     return counts;
   }
 

@@ -22,8 +22,8 @@ constexpr double kThroughShare = 0.03;       // ... and this share of the range 
 constexpr double kReachQuantile = 0.8;
 constexpr double kSameSide = 0.7;  // cosine between the normals of one surface, at least
 
-/// atan2 to 1e-5 rad (Abramowitz and Stegun 4.4.49), enough to find a beam; it is asked for every point
-/// of every pair of scans.
+/// atan2 to 1e-5 rad (Abramowitz and Stegun 4.4.49), enough to find a beam; it is asked for every
+/// point of every pair of scans.
 double directionOf(double y, double x) {
   const double ax = std::abs(x);
   const double ay = std::abs(y);
@@ -89,8 +89,8 @@ void Contour::findLines() {
   for (int i = 0; i < n; ++i) {
     ContourPoint& point = beams_[static_cast<std::size_t>(i)];
     if (point.range_m <= 0.0F) continue;
-    const double reach = std::max(
-        kLineReach_m, kLineReachInSteps * double{point.range_m} * std::abs(step_rad_));
+    const double reach =
+        std::max(kLineReach_m, kLineReachInSteps * double{point.range_m} * std::abs(step_rad_));
     double sum_x = 0.0, sum_y = 0.0, sum_xx = 0.0, sum_xy = 0.0, sum_yy = 0.0;
     int count = 0;
     const auto take = [&](int k) {
@@ -127,8 +127,7 @@ void Contour::findLines() {
     const double angle = 0.5 * std::atan2(2.0 * xy, xx - yy) + kPi / 2.0;
     const double nx = std::cos(angle);
     const double ny = std::sin(angle);
-    const bool away =
-        nx * (p_laser.x - double{point.x}) + ny * (p_laser.y - double{point.y}) < 0.0;
+    const bool away = nx * (p_laser.x - double{point.x}) + ny * (p_laser.y - double{point.y}) < 0.0;
     point.nx = static_cast<float>(away ? -nx : nx);
     point.ny = static_cast<float>(away ? -ny : ny);
     point.on_line = true;
@@ -237,29 +236,20 @@ Quadratic pointToLine(
     ++sum.pairs;
   };
   // Points of b on surfaces of a: r = n_a . (T_a_b p_b - q_a).
-  forMatches(
-      a,
-      b,
-      T_a_b,
-      params.gate_m,
-      [&](const Point2& p_a, const ContourPoint* q, bool) {
-        if (q == nullptr || !q->on_line) return;
-        const double nx = q->nx;
-        const double ny = q->ny;
-        const double r = nx * (p_a.x - double{q->x}) + ny * (p_a.y - double{q->y});
-        const double rx = p_a.x - T_a_b.x;
-        const double ry = p_a.y - T_a_b.y;
-        add(r, {nx, ny, -nx * ry + ny * rx});
-      });
+  forMatches(a, b, T_a_b, params.gate_m, [&](const Point2& p_a, const ContourPoint* q, bool) {
+    if (q == nullptr || !q->on_line) return;
+    const double nx = q->nx;
+    const double ny = q->ny;
+    const double r = nx * (p_a.x - double{q->x}) + ny * (p_a.y - double{q->y});
+    const double rx = p_a.x - T_a_b.x;
+    const double ry = p_a.y - T_a_b.y;
+    add(r, {nx, ny, -nx * ry + ny * rx});
+  });
   // Points of a on surfaces of b: r = n_b . (T_b_a p_a - q_b), by the change of T_a_b.
   const double c = std::cos(T_a_b.phi);
   const double s = std::sin(T_a_b.phi);
   forMatches(
-      b,
-      a,
-      inverse(T_a_b),
-      params.gate_m,
-      [&](const Point2& p_b, const ContourPoint* q, bool) {
+      b, a, inverse(T_a_b), params.gate_m, [&](const Point2& p_b, const ContourPoint* q, bool) {
         if (q == nullptr || !q->on_line) return;
         const double nx = q->nx;
         const double ny = q->ny;

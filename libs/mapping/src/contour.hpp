@@ -10,8 +10,8 @@
 
 namespace vestibule::mapping {
 
-/// One echo of a scan, in the base frame, with the direction of the surface around it. A drive keeps
-/// thousands of contours: single precision, some micrometres, is enough.
+/// One echo of a scan, in the base frame, with the direction of the surface around it. A drive
+/// keeps thousands of contours: single precision, some micrometres, is enough.
 struct ContourPoint {
   float x = 0.0F;
   float y = 0.0F;

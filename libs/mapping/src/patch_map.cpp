@@ -104,8 +104,8 @@ void PatchMap::Writer::addFreeToWall(Patch& patch, std::size_t row, unsigned col
 void PatchMap::refresh(Patch& patch, std::size_t row, unsigned col) const {
   const std::uint32_t bit = 1U << col;
   const bool is_occupied = occupied(patch.cell(row * Patch::kSide + col));
-  patch.occupied_rows[row] = is_occupied ? patch.occupied_rows[row] | bit
-                                         : patch.occupied_rows[row] & ~bit;
+  patch.occupied_rows[row] =
+      is_occupied ? patch.occupied_rows[row] | bit : patch.occupied_rows[row] & ~bit;
 }
 
 Patch& PatchMap::ownPatch(int px, int py) {

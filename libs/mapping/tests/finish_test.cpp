@@ -129,7 +129,8 @@ TEST(Finish, AJumpAlongACorridorIsNotTakenForWhatTheScansSay) {
   const auto at = [&](double x, double y) {
     std::size_t best = 0;
     for (std::size_t i = 0; i < drive.truth.size(); ++i) {
-      if (distance(drive.truth[i], {x, y, 0.0}) < distance(drive.truth[best], {x, y, 0.0})) best = i;
+      if (distance(drive.truth[i], {x, y, 0.0}) < distance(drive.truth[best], {x, y, 0.0}))
+        best = i;
     }
     return best;
   };

@@ -32,8 +32,8 @@ void SlipMaker::apply(WheelOdometry& odometry) {
   if (left_ <= 0.0) return;
   const double share = params_.lasts_s > 0.0 ? std::min(left_, step_s / params_.lasts_s) : left_;
   left_ -= share;
-  odometry.T_previous_now = compose(
-      odometry.T_previous_now, Pose2{share * slip_.x, share * slip_.y, share * slip_.phi});
+  odometry.T_previous_now =
+      compose(odometry.T_previous_now, Pose2{share * slip_.x, share * slip_.y, share * slip_.phi});
 }
 
 }  // namespace vestibule

@@ -14,8 +14,8 @@ namespace vestibule::mapping {
 struct SessionShare {
   int session = 1;
   std::size_t cells_seen = 0;
-  std::size_t cells_alone = 0;  ///< seen by no other session
-  std::size_t walls = 0;        ///< cells that are occupied by its scans alone ...
+  std::size_t cells_alone = 0;         ///< seen by no other session
+  std::size_t walls = 0;               ///< cells that are occupied by its scans alone ...
   std::size_t walls_shared = 0;        ///< ... and that other sessions saw, too ...
   std::size_t walls_contradicted = 0;  ///< ... without a wall there or beside it
 };

@@ -102,7 +102,6 @@ struct FramesMap {
   grid::OccupancyMap map;
   mapping::SessionCells sessions;
 };
-[[nodiscard]] FramesMap mapOfFrames(
-    const std::vector<io::MapFrame>& frames, const Config& config);
+[[nodiscard]] FramesMap mapOfFrames(const std::vector<io::MapFrame>& frames, const Config& config);
 
 }  // namespace vestibule::pipeline

@@ -10,10 +10,10 @@ namespace vestibule {
 
 /// Wheels that slip: what the odometry tells and the robot does not do.
 struct SlipParams {
-  double every_s = 60.0;          ///< [s] of the recording between the beginnings of two slips
-  double distance_m = 1.0;        ///< [m] in a direction drawn at random
+  double every_s = 60.0;           ///< [s] of the recording between the beginnings of two slips
+  double distance_m = 1.0;         ///< [m] in a direction drawn at random
   double turn_rad = degToRad(20);  ///< [rad] to a side drawn at random
-  double lasts_s = 1.0;           ///< [s] spread over so long; 0 = between two messages
+  double lasts_s = 1.0;            ///< [s] spread over so long; 0 = between two messages
 };
 
 /// Puts slips into the odometry of a recording, to try out what a map or a filter makes of them.
