@@ -1,4 +1,5 @@
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -17,6 +18,7 @@
 #include "vestibule/io/sweep_io.hpp"
 #include "vestibule/io/trajectory.hpp"
 #include "vestibule/pipeline/config.hpp"
+#include "vestibule/sensors/slips.hpp"
 
 namespace vestibule::app {
 namespace {
@@ -30,6 +32,8 @@ struct ConvertArguments {
   std::string csv_mapping;
   std::string mount;
   std::string datum;
+  std::string slips;
+  std::uint64_t seed = 1;
 };
 
 /// ".rawlog", also of "a.rawlog.gz".
@@ -95,6 +99,15 @@ std::size_t convertPcd(const ConvertArguments& args, const pipeline::Config& con
   return 1;
 }
 
+SlipParams slipsOf(const std::string& text) {
+  const std::string what = "every_s,distance_m,turn_deg,lasts_s; 60,1,20,1 say, none negative";
+  const auto v = numbers(text, 4, "--slips", what);
+  if (v[0] <= 0.0 || v[1] < 0.0 || v[2] < 0.0 || v[3] < 0.0) {
+    throw ConfigError("--slips " + text + ": must be " + what);
+  }
+  return {v[0], v[1], degToRad(v[2]), v[3]};
+}
+
 std::size_t convertRecording(const ConvertArguments& args, const pipeline::Config& config) {
   io::RecordingOptions options;
   options.rig = config.rig;
@@ -102,13 +115,17 @@ std::size_t convertRecording(const ConvertArguments& args, const pipeline::Confi
   options.csv_mapping_dir = shipped("config/csv");
   options.slice = config.slice;
   const auto reader = io::openRecording(args.in, options);
+  std::optional<SlipMaker> slips;
+  if (!args.slips.empty()) slips.emplace(slipsOf(args.slips), args.seed);
   std::size_t n = 0;
   replaceFile(args.out, [&](const std::string& partial) {
     io::RawlogWriter writer(partial);
     ProgressBar bar("convert");
     const auto progress = bar.callback();
     std::optional<Timestamp> first;
-    while (const auto record = reader->next()) {
+    while (auto record = reader->next()) {
+      auto* odometry = std::get_if<WheelOdometry>(&record->measurement);
+      if (slips && odometry != nullptr) slips->apply(*odometry);
       writer.write(record->measurement, record->source);
       ++n;
       const Timestamp stamp = stampOf(record->measurement);
@@ -118,6 +135,7 @@ std::size_t convertRecording(const ConvertArguments& args, const pipeline::Confi
     writer.close();
   });
   for (const std::string& note : reader->notes()) std::printf("note: %s\n", note.c_str());
+  if (slips) std::printf("%zu slips put into the odometry\n", slips->count());
   return n;
 }
 
@@ -167,6 +185,10 @@ void convert(const ConvertArguments& args) {
   }
   const bool from_map =
       from == ".yaml" || from == ".yml" || from == ".simplemap" || from == ".gridmap";
+  const bool recording = from != ".tum" && from != ".pcd" && !from_map && to == ".rawlog";
+  if (!args.slips.empty() && !recording) {
+    throw ConfigError("--slips " + args.slips + ": only a recording has odometry that can slip");
+  }
   if (from == ".tum" && (to == ".kitti" || to == ".geojson")) {
     std::printf("%zu poses: %s\n", convertTrajectory(args, to), args.out.c_str());
   } else if (from_map && to == ".yaml") {
@@ -174,7 +196,7 @@ void convert(const ConvertArguments& args) {
     std::printf("map: %s\n", args.out.c_str());
   } else if (from == ".pcd" && to == ".rawlog") {
     std::printf("%zu scan: %s\n", convertPcd(args, config), args.out.c_str());
-  } else if (from != ".tum" && !from_map && to == ".rawlog") {
+  } else if (recording) {
     std::printf("%zu records: %s\n", convertRecording(args, config), args.out.c_str());
   } else {
     throw ConfigError(
@@ -199,6 +221,12 @@ void addConvert(CLI::App& app, int& exit_code) {
       args->mount,
       "x_m,y_m,z_m,yaw_deg,pitch_deg,roll_deg of a .pcd's origin on the robot, z above the ground");
   command->add_option("--datum", args->datum, "lat_deg,lon_deg,height_m of the map frame's origin");
+  command->add_option(
+      "--slips",
+      args->slips,
+      "every_s,distance_m,turn_deg,lasts_s: put slips of the wheels into a recording, to try out "
+      "what a map makes of them");
+  command->add_option("--seed", args->seed, "of the slips' directions");
   command->callback([args, &exit_code] {
     convert(*args);
     exit_code = kDone;

@@ -142,9 +142,10 @@ void mapWithoutSession(const MapArguments& args, const std::string& command_line
   const pipeline::Config config = mapConfig(args);
   RunOutput output(args.out, "map", config);
   const std::vector<io::MapFrame> frames = earlierFrames(args);
-  const grid::OccupancyMap map = pipeline::mapOfFrames(frames, config);
+  const auto [map, sessions] = pipeline::mapOfFrames(frames, config);
   io::saveMapServer(map, output.stage("map.yaml"), output.stage("map.pgm"), "map.pgm");
   io::saveSimpleMap(output.stage("map.simplemap"), frames);
+  io::saveLayer(output.stage("sessions.pgm"), map.width(), sessions.seen_by);
   metrics::Trajectory trajectory;
   for (const io::MapFrame& f : frames) trajectory.push_back({f.scan.stamp, f.T_map_base});
   output.trajectory(trajectory);
@@ -152,9 +153,11 @@ void mapWithoutSession(const MapArguments& args, const std::string& command_line
   s["input"] = args.extend;
   s["cut_session"] = *args.cut;
   s["scans"] = frames.size();
+  s["sessions"] = sessionsJson(sessions, frames);
   gui_headless::Scene scene;
   scene.prior_maps = {&map};
   auto section = gui_headless::sectionFromRun(output.recorder(), scene, "Map without a session");
+  addSessions(sessions, section);
   if (!section.pictures.empty()) output.picture("map.png", section.pictures.front().png);
   gui_headless::Report report;
   report.title = "Vestibule: map";

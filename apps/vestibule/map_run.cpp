@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <set>
 
 #include "commands.hpp"
 #include "runs.hpp"
@@ -80,9 +79,7 @@ void summarise(const pipeline::MapDriveResult& r, const pipeline::Config& config
   s["held_out"]["scans"] = r.quality.held_out_scans;
   s["held_out"]["log_likelihood_per_beam"] = rounded(r.quality.held_out_log_likelihood, 6);
   s["held_out"]["matched_share"] = rounded(r.quality.held_out_matched_share, 6);
-  std::set<int> sessions;
-  for (const io::MapFrame& f : r.frames) sessions.insert(f.session);
-  s["sessions"] = sessions;
+  s["sessions"] = sessionsJson(r.sessions, r.frames);
   if (r.georeference) {
     const io::MapGeoreference& g = *r.georeference;
     Json& j = s["georeference"];
@@ -123,7 +120,40 @@ void addFinish(const mapping::FinishResult& finished, gui_headless::ReportSectio
       figure("largest correction", fixed(finished.largest_correction_m, 2), "m"));
 }
 
+double contradictedShare(const mapping::SessionShare& s) {
+  return static_cast<double>(s.walls_contradicted) /
+         static_cast<double>(std::max<std::size_t>(s.walls_shared, 1));
+}
+
 }  // namespace
+
+Json sessionsJson(const mapping::SessionCells& sessions, const std::vector<io::MapFrame>& frames) {
+  Json list = Json::array();
+  for (const mapping::SessionShare& share : sessions.shares) {
+    Json j;
+    j["session"] = share.session;
+    j["scans"] = std::count_if(frames.begin(), frames.end(), [&](const io::MapFrame& f) {
+      return f.session == share.session;
+    });
+    j["cells_seen"] = share.cells_seen;
+    j["cells_alone"] = share.cells_alone;
+    j["walls"] = share.walls;
+    j["walls_shared"] = share.walls_shared;
+    j["contradicted_share"] = rounded(contradictedShare(share), 6);
+    list.push_back(std::move(j));
+  }
+  return list;
+}
+
+void addSessions(const mapping::SessionCells& sessions, gui_headless::ReportSection& section) {
+  if (sessions.shares.size() < 2) return;
+  for (const mapping::SessionShare& share : sessions.shares) {
+    section.figures.push_back(figure(
+        "session " + std::to_string(share.session) + ", walls that others contradict",
+        fixed(100.0 * contradictedShare(share), 1),
+        "%"));
+  }
+}
 
 pipeline::Config mapConfig(const MapArguments& args) {
   pipeline::Config config = pipeline::loadConfig(args.config);
@@ -199,6 +229,7 @@ std::pair<pipeline::MapDriveResult, gui_headless::ReportSection> runMap(
       "map.pgm",
       result.georeference);
   io::saveSimpleMap(output.stage("map.simplemap"), result.frames);
+  io::saveLayer(output.stage("sessions.pgm"), result.map.width(), result.sessions.seen_by);
   Json& s = output.summary();
   s["input"] = args.log;
   summarise(result, config, s);
@@ -237,6 +268,7 @@ std::pair<pipeline::MapDriveResult, gui_headless::ReportSection> runMap(
         figure("georeference, RMS of the fixes", fixed(result.georeference_rms_m, 2), "m"));
   }
   if (result.finished) addFinish(*result.finished, section);
+  addSessions(result.sessions, section);
   section.charts.push_back(
       effectiveParticlesChart(result.updates, config.mapping.filter.particles));
   if (!section.pictures.empty()) output.picture("map.png", section.pictures.front().png);

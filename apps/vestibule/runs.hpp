@@ -67,6 +67,11 @@ struct MapArguments {
 /// The frames of the earlier map without the session to cut. Throws ConfigError for a session that
 /// is not there, or is the only one.
 [[nodiscard]] std::vector<io::MapFrame> earlierFrames(const MapArguments& args);
+/// Which session made what of a map: the summary's `sessions`, and figures for the report where
+/// there are several.
+[[nodiscard]] Json sessionsJson(
+    const mapping::SessionCells& sessions, const std::vector<io::MapFrame>& frames);
+void addSessions(const mapping::SessionCells& sessions, gui_headless::ReportSection& section);
 [[nodiscard]] std::pair<pipeline::MapDriveResult, gui_headless::ReportSection> runMap(
     const MapArguments& args, const pipeline::Config& config, RunOutput& output);
 

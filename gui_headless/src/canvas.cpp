@@ -212,23 +212,29 @@ void Canvas::overlay(const cv::Mat& image, const cv::Matx23d& M, bool smooth) {
   cv::Matx23d pixels = M * scale_;
   pixels(0, 2) += 0.5 * (pixels(0, 0) + pixels(0, 1)) - 0.5;
   pixels(1, 2) += 0.5 * (pixels(1, 0) + pixels(1, 1)) - 0.5;
+  // In bands: a second image of the canvas' size is the most memory that a run would ever need.
+  constexpr int kBand = 128;
   cv::Mat warped;
-  cv::warpAffine(
-      image,
-      warped,
-      pixels,
-      image_.size(),
-      smooth ? cv::INTER_LINEAR : cv::INTER_NEAREST,
-      cv::BORDER_CONSTANT);
-  for (int y = 0; y < image_.rows; ++y) {
-    const auto* over = warped.ptr<cv::Vec4b>(y);
-    auto* below = image_.ptr<cv::Vec3b>(y);
-    for (int x = 0; x < image_.cols; ++x) {
-      const int transparency = 255 - over[x][3];
-      if (transparency == 255) continue;
-      for (int c = 0; c < 3; ++c) {
-        below[x][c] =
-            cv::saturate_cast<uchar>(over[x][c] + (below[x][c] * transparency + 127) / 255);
+  for (int top = 0; top < image_.rows; top += kBand) {
+    cv::Mat band = image_.rowRange(top, std::min(top + kBand, image_.rows));
+    cv::warpAffine(
+        image,
+        warped,
+        pixels,
+        band.size(),
+        smooth ? cv::INTER_LINEAR : cv::INTER_NEAREST,
+        cv::BORDER_CONSTANT);
+    pixels(1, 2) -= kBand;
+    for (int y = 0; y < band.rows; ++y) {
+      const auto* over = warped.ptr<cv::Vec4b>(y);
+      auto* below = band.ptr<cv::Vec3b>(y);
+      for (int x = 0; x < band.cols; ++x) {
+        const int transparency = 255 - over[x][3];
+        if (transparency == 255) continue;
+        for (int c = 0; c < 3; ++c) {
+          below[x][c] =
+              cv::saturate_cast<uchar>(over[x][c] + (below[x][c] * transparency + 127) / 255);
+        }
       }
     }
   }

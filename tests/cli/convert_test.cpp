@@ -35,6 +35,17 @@ class Convert : public Cli {
     }
     return scans;
   }
+
+  /// What the wheels say between two messages.
+  [[nodiscard]] static std::vector<Pose2> odometryOf(const std::string& recording) {
+    std::vector<Pose2> steps;
+    const auto reader = io::openRecording(recording, {});
+    while (const auto record = reader->next()) {
+      const auto* odometry = std::get_if<WheelOdometry>(&record->measurement);
+      if (odometry != nullptr) steps.push_back(odometry->T_previous_now);
+    }
+    return steps;
+  }
 };
 
 TEST_F(Convert, ARecordingKeepsItsScansAndTheirOrder) {
@@ -50,6 +61,39 @@ TEST_F(Convert, ARecordingKeepsItsScansAndTheirOrder) {
     EXPECT_NEAR(after[i].ranges_m[90], before[i].ranges_m[90], 1e-4);
     EXPECT_NEAR(after[i].angle(0), before[i].angle(0), 1e-5);
   }
+}
+
+TEST_F(Convert, SlipsComeIntoTheOdometryAndNotIntoTheScans) {
+  const RoomDrive drive;
+  const std::string log = file("raw.log", drive.carmenLog(false));
+  const CommandResult result =
+      run({"convert", log, path("slips.rawlog"), "--slips", "10,1,20,1", "--seed", "3"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("slips put into the odometry"));
+  EXPECT_EQ(scansOf(path("slips.rawlog")).size(), scansOf(log).size());
+  // A second of each ten is off by up to a metre, and all others are as they were.
+  const auto before = odometryOf(log);
+  const auto after = odometryOf(path("slips.rawlog"));
+  ASSERT_EQ(after.size(), before.size());
+  double moved_m = 0.0;
+  double turned_rad = 0.0;
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    const Pose2 slip = between(before[i], after[i]);
+    moved_m += translationNorm(slip);
+    turned_rad += std::abs(slip.phi);
+  }
+  const double slips = std::floor(toSeconds(drive.stamps.back() - drive.stamps.front()) / 10.0);
+  ASSERT_GE(slips, 1.0);
+  EXPECT_NEAR(moved_m, slips, 0.2 * slips);
+  EXPECT_NEAR(turned_rad, slips * degToRad(20.0), 0.2 * slips * degToRad(20.0));
+  for (const char* wrong : {"10,1,20", "0,1,20,1", "10,-1,20,1"}) {
+    const CommandResult bad = run({"convert", log, path("no.rawlog"), "--slips", wrong});
+    EXPECT_EQ(bad.exit_code, 2);
+    EXPECT_THAT(bad.err, HasSubstr("every_s,distance_m,turn_deg,lasts_s"));
+  }
+  const CommandResult map = run({"convert", roomMap(), path("no.yaml"), "--slips", "10,1,20,1"});
+  EXPECT_EQ(map.exit_code, 2);
+  EXPECT_THAT(map.err, HasSubstr("only a recording has odometry"));
 }
 
 TEST_F(Convert, AMapKeepsItsCells) {

@@ -189,4 +189,21 @@ void saveMapServer(
   if (!yaml) throw InputError(yaml_path + ": cannot be written; check the folder and the disk");
 }
 
+void saveLayer(const std::string& path, int width, const std::vector<std::uint16_t>& cells) {
+  const std::size_t height = cells.size() / static_cast<std::size_t>(width);
+  std::string pixels;
+  pixels.reserve(2 * cells.size());
+  for (std::size_t row = height; row-- > 0;) {
+    for (std::size_t ix = 0; ix < static_cast<std::size_t>(width); ++ix) {
+      const std::uint16_t value = cells[row * static_cast<std::size_t>(width) + ix];
+      pixels += static_cast<char>(value >> 8U);
+      pixels += static_cast<char>(value & 255U);
+    }
+  }
+  std::ofstream image(path, std::ios::binary);
+  image << "P5\n" << width << ' ' << height << "\n65535\n" << pixels;
+  image.close();
+  if (!image) throw InputError(path + ": cannot be written; check the folder and the disk");
+}
+
 }  // namespace vestibule::io

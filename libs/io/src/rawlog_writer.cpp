@@ -16,6 +16,7 @@
 #include "mrpt_time.hpp"
 #include "vestibule/core/angles.hpp"
 #include "vestibule/core/errors.hpp"
+#include "vestibule/sensors/sweep_time.hpp"
 
 namespace vestibule::io {
 namespace {
@@ -144,7 +145,7 @@ void RawlogWriter::write(const Measurement& measurement, const std::string& labe
 
 void RawlogWriter::write(const LidarSweep& sweep, const std::string& label) {
   auto cloud = cloudOf(sweep);
-  impl_->put(cloud, sweep.stamp, label);
+  impl_->put(cloud, meanStamp(sweep), label);
 }
 
 void RawlogWriter::close() { impl_->stream.close(); }

@@ -22,7 +22,7 @@ void countOnto(
     for (const Cluster::Member& ma : a.members) {
       views.push_back(between(ma.T_cluster_base, T_a_base));
     }
-    for (const ContourPoint& p : mb.contour->samples()) {
+    mb.contour->forSamples([&](const ContourPoint& p) {
       ++sum.points;
       bool through = false;
       bool matched = false;
@@ -30,19 +30,14 @@ void countOnto(
         const auto look = a.members[k].contour->look(transform(views[k], {p.x, p.y}), gate_m);
         through = through || look.seen_through;
         if (look.nearest == nullptr) continue;
-        const double c = std::cos(views[k].phi);
-        const double s = std::sin(views[k].phi);
-        matched =
-            !p.on_line || !look.nearest->on_line ||
-            (c * p.nx - s * p.ny) * look.nearest->nx + (s * p.nx + c * p.ny) * look.nearest->ny >
-                0.7;
+        matched = sameSide(p, *look.nearest, std::cos(views[k].phi), std::sin(views[k].phi));
       }
       if (matched) {
         ++sum.matched;
       } else if (through) {
         ++sum.conflicting;
       }
-    }
+    });
   }
 }
 

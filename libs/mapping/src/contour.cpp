@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kMaxBeams = 720;  // finer scans are thinned to so many
 constexpr double kSampleSpacing_m = 0.05;
-constexpr int kMaxSamples = 180;
+constexpr std::size_t kMaxSamples = 180;
 constexpr int kLineHalfWidth = 5;            // beams to each side that a line is fitted to, at most
 constexpr double kLineReach_m = 0.35;        // ... and no farther than this, or than ...
 constexpr double kLineReachInSteps = 3.5;    // ... so many spacings of beams
@@ -22,6 +22,22 @@ constexpr double kThroughShare = 0.03;       // ... and this share of the range 
 constexpr double kReachQuantile = 0.8;
 constexpr double kSameSide = 0.7;  // cosine between the normals of one surface, at least
 
+/// atan2 to 1e-5 rad (Abramowitz and Stegun 4.4.49), enough to find a beam; it is asked for every
+/// point of every pair of scans.
+double directionOf(double y, double x) {
+  const double ax = std::abs(x);
+  const double ay = std::abs(y);
+  const double largest = std::max(ax, ay);
+  if (largest <= 0.0) return 0.0;
+  const double t = std::min(ax, ay) / largest;
+  const double t2 = t * t;
+  double angle =
+      t * (0.9998660 + t2 * (-0.3302995 + t2 * (0.1801410 + t2 * (-0.0851330 + t2 * 0.0208351))));
+  if (ay > ax) angle = 0.5 * kPi - angle;
+  if (x < 0.0) angle = kPi - angle;
+  return y < 0.0 ? -angle : angle;
+}
+
 }  // namespace
 
 Contour::Contour(const LaserScan& scan, double max_range_m) : T_base_laser_(scan.T_base_laser) {
@@ -31,15 +47,16 @@ Contour::Contour(const LaserScan& scan, double max_range_m) : T_base_laser_(scan
   const double c = std::cos(T_base_laser_.phi);
   const double s = std::sin(T_base_laser_.phi);
   std::vector<double> ranges;
+  beams_.reserve((n - 1) / stride + 1);
   for (std::size_t i = 0; i < n; i += stride) {
     ContourPoint point;
     const auto range = static_cast<double>(scan.ranges_m[i]);
     if (scan.valid(i) && range <= max_range_m) {
       const double x = range * std::cos(scan.angle(i));
       const double y = range * std::sin(scan.angle(i));
-      point.x = T_base_laser_.x + c * x - s * y;
-      point.y = T_base_laser_.y + s * x + c * y;
-      point.range_m = range;
+      point.x = static_cast<float>(T_base_laser_.x + c * x - s * y);
+      point.y = static_cast<float>(T_base_laser_.y + s * x + c * y);
+      point.range_m = static_cast<float>(range);
       ranges.push_back(range);
     }
     beams_.push_back(point);
@@ -71,18 +88,18 @@ void Contour::findLines() {
   const Point2 p_laser{T_base_laser_.x, T_base_laser_.y};
   for (int i = 0; i < n; ++i) {
     ContourPoint& point = beams_[static_cast<std::size_t>(i)];
-    if (point.range_m <= 0.0) continue;
+    if (point.range_m <= 0.0F) continue;
     const double reach =
-        std::max(kLineReach_m, kLineReachInSteps * point.range_m * std::abs(step_rad_));
+        std::max(kLineReach_m, kLineReachInSteps * double{point.range_m} * std::abs(step_rad_));
     double sum_x = 0.0, sum_y = 0.0, sum_xx = 0.0, sum_xy = 0.0, sum_yy = 0.0;
     int count = 0;
     const auto take = [&](int k) {
       const int w = wrapped(k);
       if (w < 0) return false;
       const ContourPoint& q = beams_[static_cast<std::size_t>(w)];
-      if (q.range_m <= 0.0) return false;
-      const double dx = q.x - point.x;
-      const double dy = q.y - point.y;
+      if (q.range_m <= 0.0F) return false;
+      const double dx = double{q.x} - double{point.x};
+      const double dy = double{q.y} - double{point.y};
       if (dx * dx + dy * dy > reach * reach) return false;
       sum_x += dx;
       sum_y += dy;
@@ -108,30 +125,28 @@ void Contour::findLines() {
     const double along = std::sqrt(mean + half);
     if (across > kMaxThickness_m || across > kMaxThickness_share * along) continue;
     const double angle = 0.5 * std::atan2(2.0 * xy, xx - yy) + kPi / 2.0;
-    point.nx = std::cos(angle);
-    point.ny = std::sin(angle);
-    if (point.nx * (p_laser.x - point.x) + point.ny * (p_laser.y - point.y) < 0.0) {
-      point.nx = -point.nx;
-      point.ny = -point.ny;
-    }
+    const double nx = std::cos(angle);
+    const double ny = std::sin(angle);
+    const bool away = nx * (p_laser.x - double{point.x}) + ny * (p_laser.y - double{point.y}) < 0.0;
+    point.nx = static_cast<float>(away ? -nx : nx);
+    point.ny = static_cast<float>(away ? -ny : ny);
     point.on_line = true;
   }
 }
 
 void Contour::sample() {
+  std::vector<std::uint16_t> spaced;
   Point2 last{1e9, 1e9};
-  for (const ContourPoint& point : beams_) {
-    if (point.range_m <= 0.0) continue;
-    if (std::hypot(point.x - last.x, point.y - last.y) < kSampleSpacing_m) continue;
-    samples_.push_back(point);
-    last = {point.x, point.y};
+  for (std::size_t k = 0; k < beams_.size(); ++k) {
+    const Point2 p{beams_[k].x, beams_[k].y};
+    if (beams_[k].range_m <= 0.0F) continue;
+    if (std::hypot(p.x - last.x, p.y - last.y) < kSampleSpacing_m) continue;
+    spaced.push_back(static_cast<std::uint16_t>(k));
+    last = p;
   }
-  if (samples_.size() <= kMaxSamples) return;
-  std::vector<ContourPoint> fewer;
-  for (std::size_t k = 0; k < kMaxSamples; ++k) {
-    fewer.push_back(samples_[k * samples_.size() / kMaxSamples]);
-  }
-  samples_ = std::move(fewer);
+  const std::size_t n = std::min(spaced.size(), kMaxSamples);
+  samples_.reserve(n);
+  for (std::size_t k = 0; k < n; ++k) samples_.push_back(spaced[k * spaced.size() / n]);
 }
 
 Contour::Look Contour::look(const Point2& p_base, double gate_m) const {
@@ -141,7 +156,7 @@ Contour::Look Contour::look(const Point2& p_base, double gate_m) const {
   const double dy = p_base.y - T_base_laser_.y;
   const double range = std::sqrt(dx * dx + dy * dy);
   const double off_middle =
-      std::atan2(middle_cos_ * dy - middle_sin_ * dx, middle_cos_ * dx + middle_sin_ * dy);
+      directionOf(middle_cos_ * dy - middle_sin_ * dx, middle_cos_ * dx + middle_sin_ * dy);
   const double index = off_middle / step_rad_ + 0.5 * static_cast<double>(beams_.size() - 1);
   const int k0 = static_cast<int>(std::floor(index + 0.5));
   const double width = gate_m / std::max(range * std::abs(step_rad_), 1e-3);
@@ -154,9 +169,9 @@ Contour::Look Contour::look(const Point2& p_base, double gate_m) const {
     const int w = wrapped(k);
     if (w < 0) continue;
     const ContourPoint& q = beams_[static_cast<std::size_t>(w)];
-    if (q.range_m <= 0.0) continue;
-    const double ex = q.x - p_base.x;
-    const double ey = q.y - p_base.y;
+    if (q.range_m <= 0.0F) continue;
+    const double ex = double{q.x} - p_base.x;
+    const double ey = double{q.y} - p_base.y;
     const double d2 = ex * ex + ey * ey;
     if (d2 < best) {
       best = d2;
@@ -171,31 +186,33 @@ Contour::Look Contour::look(const Point2& p_base, double gate_m) const {
   return result;
 }
 
+bool sameSide(const ContourPoint& p, const ContourPoint& q, double cos_q_p, double sin_q_p) {
+  return !p.on_line || !q.on_line ||
+         (cos_q_p * p.nx - sin_q_p * p.ny) * q.nx + (sin_q_p * p.nx + cos_q_p * p.ny) * q.ny >
+             kSameSide;
+}
+
 namespace {
 
-/// Visits b's samples that lie on a's contour: visit(sample, p_a, echo of a).
+/// Visits b's samples and what of a's contour they lie on: visit(p_a, echo of a, seen through).
 template <class Visit>
 void forMatches(
     const Contour& a, const Contour& b, const Pose2& T_a_b, double gate_m, const Visit& visit) {
   const double c = std::cos(T_a_b.phi);
   const double s = std::sin(T_a_b.phi);
-  for (const ContourPoint& p : b.samples()) {
+  b.forSamples([&](const ContourPoint& p) {
     const Point2 p_a{T_a_b.x + c * p.x - s * p.y, T_a_b.y + s * p.x + c * p.y};
     const Contour::Look look = a.look(p_a, gate_m);
-    // The two sides of a thin wall are two surfaces.
-    const bool same = look.nearest != nullptr && (!p.on_line || !look.nearest->on_line ||
-                                                  (c * p.nx - s * p.ny) * look.nearest->nx +
-                                                          (s * p.nx + c * p.ny) * look.nearest->ny >
-                                                      kSameSide);
-    visit(p, p_a, same ? look.nearest : nullptr, look.seen_through);
-  }
+    const bool same = look.nearest != nullptr && sameSide(p, *look.nearest, c, s);
+    visit(p_a, same ? look.nearest : nullptr, look.seen_through);
+  });
 }
 
 }  // namespace
 
 Overlap overlap(const Contour& a, const Contour& b, const Pose2& T_a_b, double gate_m) {
   Overlap result;
-  const auto count = [&](const ContourPoint&, const Point2&, const ContourPoint* q, bool through) {
+  const auto count = [&](const Point2&, const ContourPoint* q, bool through) {
     ++result.points;
     if (q != nullptr) ++result.matched;
     if (through) ++result.conflicting;
@@ -219,30 +236,25 @@ Quadratic pointToLine(
     ++sum.pairs;
   };
   // Points of b on surfaces of a: r = n_a . (T_a_b p_b - q_a).
-  forMatches(
-      a,
-      b,
-      T_a_b,
-      params.gate_m,
-      [&](const ContourPoint&, const Point2& p_a, const ContourPoint* q, bool) {
-        if (q == nullptr || !q->on_line) return;
-        const double r = q->nx * (p_a.x - q->x) + q->ny * (p_a.y - q->y);
-        const double rx = p_a.x - T_a_b.x;
-        const double ry = p_a.y - T_a_b.y;
-        add(r, {q->nx, q->ny, -q->nx * ry + q->ny * rx});
-      });
+  forMatches(a, b, T_a_b, params.gate_m, [&](const Point2& p_a, const ContourPoint* q, bool) {
+    if (q == nullptr || !q->on_line) return;
+    const double nx = q->nx;
+    const double ny = q->ny;
+    const double r = nx * (p_a.x - double{q->x}) + ny * (p_a.y - double{q->y});
+    const double rx = p_a.x - T_a_b.x;
+    const double ry = p_a.y - T_a_b.y;
+    add(r, {nx, ny, -nx * ry + ny * rx});
+  });
   // Points of a on surfaces of b: r = n_b . (T_b_a p_a - q_b), by the change of T_a_b.
   const double c = std::cos(T_a_b.phi);
   const double s = std::sin(T_a_b.phi);
   forMatches(
-      b,
-      a,
-      inverse(T_a_b),
-      params.gate_m,
-      [&](const ContourPoint&, const Point2& p_b, const ContourPoint* q, bool) {
+      b, a, inverse(T_a_b), params.gate_m, [&](const Point2& p_b, const ContourPoint* q, bool) {
         if (q == nullptr || !q->on_line) return;
-        const double r = q->nx * (p_b.x - q->x) + q->ny * (p_b.y - q->y);
-        add(r, {-(c * q->nx - s * q->ny), -(s * q->nx + c * q->ny), q->nx * p_b.y - q->ny * p_b.x});
+        const double nx = q->nx;
+        const double ny = q->ny;
+        const double r = nx * (p_b.x - double{q->x}) + ny * (p_b.y - double{q->y});
+        add(r, {-(c * nx - s * ny), -(s * nx + c * ny), nx * p_b.y - ny * p_b.x});
       });
   if (sum.pairs == 0) return sum;
   const double tempering =

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "vestibule/core/frames.hpp"
@@ -8,15 +10,21 @@
 
 namespace vestibule::mapping {
 
-/// One echo of a scan, in the base frame, with the direction of the surface around it.
+/// One echo of a scan, in the base frame, with the direction of the surface around it. A drive
+/// keeps thousands of contours: single precision, some micrometres, is enough.
 struct ContourPoint {
-  double x = 0.0;
-  double y = 0.0;
-  double nx = 0.0;  ///< unit normal towards the laser, where on_line
-  double ny = 0.0;
-  double range_m = 0.0;  ///< from the laser; 0 = no echo
+  float x = 0.0F;
+  float y = 0.0F;
+  float nx = 0.0F;  ///< unit normal towards the laser, where on_line
+  float ny = 0.0F;
+  float range_m = 0.0F;  ///< from the laser; 0 = no echo
   bool on_line = false;  ///< false: corner, pole, clutter
 };
+
+/// False for the two sides of a thin wall, which are two surfaces.
+/// \param cos_q_p, sin_q_p  of the turn from the frame of q to that of p
+[[nodiscard]] bool sameSide(
+    const ContourPoint& p, const ContourPoint& q, double cos_q_p, double sin_q_p);
 
 /// A scan as what its laser saw in each direction: an ordered contour, so that a point's neighbours
 /// and what lies before and behind the contour are found by direction, without a search structure.
@@ -25,8 +33,12 @@ class Contour {
   /// \param max_range_m echoes beyond it are dropped
   Contour(const LaserScan& scan, double max_range_m);
 
-  /// Echoes spread along the contour, for matching against other contours.
-  [[nodiscard]] const std::vector<ContourPoint>& samples() const { return samples_; }
+  /// Calls visit(point) for echoes spread along the contour, to match with other contours.
+  template <class Visit>
+  void forSamples(const Visit& visit) const {
+    for (const std::uint16_t k : samples_) visit(beams_[k]);
+  }
+  [[nodiscard]] std::size_t sampleCount() const { return samples_.size(); }
   /// What the laser saw around the direction of a point of the base frame.
   struct Look {
     const ContourPoint* nearest = nullptr;  ///< echo nearest to the point, within the gate
@@ -48,7 +60,7 @@ class Contour {
   bool full_circle_ = false;
   double reach_m_ = 0.0;
   std::vector<ContourPoint> beams_;
-  std::vector<ContourPoint> samples_;
+  std::vector<std::uint16_t> samples_;  // numbers of beams
 };
 
 /// How the points of two scans lie on each other.

@@ -24,11 +24,10 @@ constexpr double kStepFloor_rad_per_m = 0.008;
 // What wheels that slip can do within a second or two, and how it shows.
 constexpr double kSlip_m = 1.0;
 constexpr double kSlip_rad = 0.35;
-constexpr double kSlipChi2 = 25.0;
+constexpr double kSlipChi2 = 9.0;
 constexpr double kBrokenAgreement = 0.6;
+constexpr double kAsGood = 0.05;  // of the agreement of two places between which it does not decide
 constexpr double kOverlapGate_m = 0.15;
-constexpr double kStill_m = 0.005;
-constexpr double kStill_rad = 0.003;
 
 ShareDone between(const ShareDone& progress, double from, double to) {
   if (!progress) return {};
@@ -41,6 +40,12 @@ Eigen::Matrix3d covarianceOf(double sigma_m, double sigma_rad) {
   return cov;
 }
 
+double chi2Of(const Pose2& T, const RelativePrior& prior) {
+  const Eigen::Vector3d off(
+      T.x - prior.T_a_b.x, T.y - prior.T_a_b.y, angleDiff(T.phi, prior.T_a_b.phi));
+  return off.dot(prior.information * off);
+}
+
 /// Key scan k + 1 seen from k: as the estimate has it, with what scans and odometry say about its
 /// certainty.
 PoseConstraint chainLink(
@@ -48,15 +53,27 @@ PoseConstraint chainLink(
     const std::vector<KeyScan>& keys,
     std::size_t k,
     const AlignmentParams& alignment) {
-  const Pose2 T =
-      vestibule::between(nodes[keys[k].node].T_map_base, nodes[keys[k + 1].node].T_map_base);
+  Pose2 T = vestibule::between(nodes[keys[k].node].T_map_base, nodes[keys[k + 1].node].T_map_base);
+  const Contour& from = keys[k].contour;
+  const Contour& to = keys[k + 1].contour;
   RelativePrior prior = odometryPrior(nodes, keys[k], keys[k + 1]);
-  const Quadratic q = pointToLine(keys[k].contour, keys[k + 1].contour, T, alignment);
-  const Eigen::Vector3d off(
-      T.x - prior.T_a_b.x, T.y - prior.T_a_b.y, angleDiff(T.phi, prior.T_a_b.phi));
-  const bool slipped = off.dot(prior.information * off) > kSlipChi2;
-  if (slipped) prior.information = covarianceOf(kSlip_m, kSlip_rad).inverse();
-  const Overlap seen = overlap(keys[k].contour, keys[k + 1].contour, T, kOverlapGate_m);
+  Overlap seen = overlap(from, to, T, kOverlapGate_m);
+  if (chi2Of(T, prior) > kSlipChi2) {
+    // The estimate jumped: wheels that slipped, or a path that has drifted and found back into the
+    // map. Where these two scans allow what the odometry says, as along a corridor, it was not here
+    // that the path went wrong.
+    const Pose2 start{prior.T_a_b.x, prior.T_a_b.y, T.phi};
+    const Cluster a{{{&from, Pose2{}}}};
+    const Cluster b{{{&to, Pose2{}}}};
+    const Pose2 other = align(a, b, start, alignment, prior).T_a_b;
+    const Overlap there = overlap(from, to, other, kOverlapGate_m);
+    if (there.agreement() > seen.agreement() - kAsGood) {
+      T = other;
+      seen = there;
+    }
+  }
+  if (chi2Of(T, prior) > kSlipChi2) prior.information = covarianceOf(kSlip_m, kSlip_rad).inverse();
+  const Quadratic q = pointToLine(from, to, T, alignment);
   const double d = translationNorm(T);
   // Scans that contradict each other, or say nothing about a slip: the link may be wrong.
   const bool broken = seen.agreement() < kBrokenAgreement;
@@ -107,6 +124,11 @@ void describe(ParamIo& io, RefineParams& p) {
   io.optional("iterations", p.iterations, within(0, 1000));
 }
 
+void describe(ParamIo& io, SmoothParams& p) {
+  io.optional("iterations", p.iterations, within(0, 1000));
+  io.optional("pairs_per_scan", p.pairs_per_scan, within(0, 1000));
+}
+
 void describe(ParamIo& io, FinishParams& p) {
   io.optional("threads", p.threads, within(0, 1024));
   io.section("closures", p.closures);
@@ -147,6 +169,26 @@ std::vector<PoseConstraint> chainOf(
       nodes, keyScansAt(nodes, used, params.refine.max_range_m, threads), params.refine, threads);
 }
 
+void smoothDrive(
+    std::vector<ScanNode>& nodes,
+    const std::vector<std::size_t>& used,
+    const SmoothParams& smooth,
+    const FinishParams& params,
+    const ShareDone& progress) {
+  if (smooth.iterations == 0) return;
+  RefineParams refine = params.refine;
+  refine.iterations = smooth.iterations;
+  refine.pairs_per_scan = smooth.pairs_per_scan;
+  const std::size_t threads = threadCount(params.threads);
+  const std::vector<KeyScan> keys = keyScansAt(nodes, used, refine.max_range_m, threads);
+  std::vector<Pose2> poses;
+  for (const KeyScan& key : keys) poses.push_back(nodes[key.node].T_map_base);
+  JointRefiner refiner(nodes, keys, refine, threads);
+  poses = refiner.run(std::move(poses), progress);
+  const std::vector<Pose2> all = refiner.placeAll(poses);
+  for (std::size_t i = 0; i < nodes.size(); ++i) nodes[i].T_map_base = all[i];
+}
+
 FinishResult finishMap(
     std::vector<ScanNode> nodes, const FinishParams& params, const ShareDone& progress) {
   FinishResult result;
@@ -179,35 +221,17 @@ FinishResult finishMap(
   result.surface_rms_before_m = refiner.rmsBefore();
   result.surface_rms_after_m = refiner.rmsAfter();
 
-  std::vector<ScanNode> corrected = nodes;
-  spreadCorrections(corrected, keys, poses);
-  std::vector<std::size_t> key_before(nodes.size());
-  std::vector<char> is_key(nodes.size(), 0);
-  for (std::size_t k = 0; k < keys.size(); ++k) {
-    is_key[keys[k].node] = 1;
-    const std::size_t end = k + 1 < keys.size() ? keys[k + 1].node : nodes.size();
-    for (std::size_t i = keys[k].node; i < end; ++i) key_before[i] = k;
-  }
-  if (params.refine.iterations > 0 && keys.size() > 1) {
-    parallelFor(nodes.size(), threads, [&](std::size_t i) {
-      const std::size_t k = key_before[i];
-      const Pose2 moved = vestibule::between(nodes[keys[k].node].T_odom_base, nodes[i].T_odom_base);
-      // A robot that stands still is where the key scan was.
-      const bool still = translationNorm(moved) < kStill_m && std::abs(moved.phi) < kStill_rad;
-      if (is_key[i] == 0 && !still) {
-        corrected[i].T_map_base = refiner.place(corrected[i], k, poses);
-      }
-    });
-  }
+  const std::vector<Pose2> all = refiner.placeAll(poses);
   for (std::size_t i = 0; i < nodes.size(); ++i) {
-    result.largest_correction_m = std::max(
-        result.largest_correction_m, distance(nodes[i].T_map_base, corrected[i].T_map_base));
+    result.largest_correction_m =
+        std::max(result.largest_correction_m, distance(nodes[i].T_map_base, all[i]));
+    nodes[i].T_map_base = all[i];
   }
   for (Closure& c : result.closures) {
-    c.T_map_from = corrected[c.from].T_map_base;
-    c.T_map_to = corrected[c.to].T_map_base;
+    c.T_map_from = all[c.from];
+    c.T_map_to = all[c.to];
   }
-  result.nodes = std::move(corrected);
+  result.nodes = std::move(nodes);
   if (progress) progress(1.0);
   return result;
 }

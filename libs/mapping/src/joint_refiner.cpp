@@ -17,6 +17,8 @@ constexpr int kRepairEvery = 5;  // iterations between two choices of pairs
 constexpr double kDamping = 1e-3;
 constexpr double kConverged_m = 5e-4;
 constexpr std::size_t kPlaceScans = 4;  // key scans that another scan is placed on
+constexpr double kStill_m = 0.005;      // a robot that moves less stands still
+constexpr double kStill_rad = 0.003;
 
 }  // namespace
 
@@ -132,9 +134,28 @@ std::vector<Pose2> JointRefiner::run(std::vector<Pose2> T_map_key, const ShareDo
   return T_map_key;
 }
 
+std::vector<Pose2> JointRefiner::placeAll(const std::vector<Pose2>& T_map_key) const {
+  std::vector<Pose2> poses = spreadCorrections(nodes_, keys_, T_map_key);
+  if (neighbours_.empty()) return poses;
+  parallelFor(keys_.size(), threads_, [&](std::size_t k) {
+    const ScanNode& key = nodes_[keys_[k].node];
+    const std::size_t end = k + 1 < keys_.size() ? keys_[k + 1].node : nodes_.size();
+    for (std::size_t i = keys_[k].node + 1; i < end; ++i) {
+      const Pose2 moved = between(key.T_odom_base, nodes_[i].T_odom_base);
+      // A robot that stands still is where the key scan was.
+      if (translationNorm(moved) < kStill_m && std::abs(moved.phi) < kStill_rad) continue;
+      poses[i] = place(nodes_[i].scan, poses[i], k, T_map_key);
+    }
+  });
+  return poses;
+}
+
 Pose2 JointRefiner::place(
-    const ScanNode& node, std::size_t k, const std::vector<Pose2>& T_map_key) const {
-  const Contour contour(node.scan, params_.max_range_m);
+    const LaserScan& scan,
+    const Pose2& T_map_guess,
+    std::size_t k,
+    const std::vector<Pose2>& T_map_key) const {
+  const Contour contour(scan, params_.max_range_m);
   const std::size_t next = std::min(k + 1, keys_.size() - 1);
   std::set<std::size_t> around{k, next};
   for (const std::size_t other : neighbours_[k]) {
@@ -146,7 +167,7 @@ Pose2 JointRefiner::place(
     map.members.push_back({&keys_[other].contour, between(T_map_key[k], T_map_key[other])});
   }
   const Cluster one{{{&contour, Pose2{}}}};
-  const Pose2 guess = between(T_map_key[k], node.T_map_base);
+  const Pose2 guess = between(T_map_key[k], T_map_guess);
   RelativePrior prior{guess, Eigen::Matrix3d::Zero()};
   prior.information.diagonal() << 1.0 / (0.05 * 0.05), 1.0 / (0.05 * 0.05), 1.0 / (0.05 * 0.05);
   const AlignmentParams alignment{params_.sigma_m, params_.gate_m, params_.effective_points};

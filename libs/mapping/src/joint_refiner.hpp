@@ -19,10 +19,9 @@ class JointRefiner {
 
   [[nodiscard]] std::vector<Pose2> run(std::vector<Pose2> T_map_key, const ShareDone& progress);
 
-  /// Places a scan that is no key scan on the key scans around it, from where it is thought to be.
-  /// \param k  last key scan before it
-  [[nodiscard]] Pose2 place(
-      const ScanNode& node, std::size_t k, const std::vector<Pose2>& T_map_key) const;
+  /// Poses of all nodes: with the key scans at these, each other one is placed on those around it.
+  /// Without iterations in run() the odometry alone places them.
+  [[nodiscard]] std::vector<Pose2> placeAll(const std::vector<Pose2>& T_map_key) const;
 
   [[nodiscard]] std::size_t pairCount() const { return pairs_.size(); }
   [[nodiscard]] double rmsBefore() const { return rms_before_m_; }
@@ -33,6 +32,12 @@ class JointRefiner {
     std::size_t from = 0;
     std::size_t to = 0;
   };
+  /// \param k  last key scan before the scan
+  [[nodiscard]] Pose2 place(
+      const LaserScan& scan,
+      const Pose2& T_map_guess,
+      std::size_t k,
+      const std::vector<Pose2>& T_map_key) const;
   void choosePairs(const std::vector<Pose2>& T_map_key);
   [[nodiscard]] std::vector<PairQuadratic> linearise(
       const std::vector<Pose2>& T_map_key, double gate_m, double& rms_m) const;

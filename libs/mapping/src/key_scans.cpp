@@ -69,10 +69,13 @@ RelativePrior odometryPrior(
   return prior;
 }
 
-void spreadCorrections(
-    std::vector<ScanNode>& nodes,
+std::vector<Pose2> spreadCorrections(
+    const std::vector<ScanNode>& nodes,
     const std::vector<KeyScan>& keys,
     const std::vector<Pose2>& T_map_key) {
+  std::vector<Pose2> poses;
+  poses.reserve(nodes.size());
+  for (const ScanNode& node : nodes) poses.push_back(node.T_map_base);
   for (std::size_t k = 0; k + 1 < keys.size(); ++k) {
     const std::size_t first = keys[k].node;
     const std::size_t last = keys[k + 1].node;
@@ -87,11 +90,11 @@ void spreadCorrections(
       const double by_time = span > 0.0 ? elapsed / span : by_number;
       const double share = by_time >= 0.0 && by_time <= 1.0 ? by_time : by_number;
       const Pose2 T_first_i = between(nodes[first].T_odom_base, nodes[i].T_odom_base);
-      nodes[i].T_map_base =
-          compose(compose(T_map_key[k], T_first_i), expSe2(Eigen::Vector3d(share * off)));
+      poses[i] = compose(compose(T_map_key[k], T_first_i), expSe2(Eigen::Vector3d(share * off)));
     }
   }
-  if (!keys.empty()) nodes[keys.back().node].T_map_base = T_map_key.back();
+  if (!keys.empty()) poses[keys.back().node] = T_map_key.back();
+  return poses;
 }
 
 }  // namespace vestibule::mapping

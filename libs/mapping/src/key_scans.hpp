@@ -37,10 +37,10 @@ struct KeyScanParams {
 [[nodiscard]] RelativePrior odometryPrior(
     const std::vector<ScanNode>& nodes, const KeyScan& from, const KeyScan& to);
 
-/// Sets the estimate of every node: those of the key scans as given, those between two of them by
-/// the odometry with what it is off at the second spread over the way.
-void spreadCorrections(
-    std::vector<ScanNode>& nodes,
+/// The pose of every node: those of the key scans as given, those between two of them by the
+/// odometry with what it is off at the second spread over the way.
+[[nodiscard]] std::vector<Pose2> spreadCorrections(
+    const std::vector<ScanNode>& nodes,
     const std::vector<KeyScan>& keys,
     const std::vector<Pose2>& T_map_key);
 

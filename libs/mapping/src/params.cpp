@@ -54,6 +54,7 @@ void describe(ParamIo& io, FilterParams& p) {
 void describe(ParamIo& io, MappingParams& p) {
   describe(io, p.known_poses);
   io.section("filter", p.filter);
+  io.section("smooth", p.smooth);
   io.section("finish", p.finish);
   io.section("gmapping", p.gmapping);
   if (!io.writing()) p.gmapping.applyTo(p.filter);

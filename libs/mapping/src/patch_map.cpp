@@ -19,6 +19,38 @@ void forget(std::uint16_t& visits, Patch::Ends& ends) {
   ends.hits = static_cast<std::uint16_t>(ends.hits / 2);
 }
 
+/// A one where a bit is set, for each of the 256 bytes.
+using Ones = std::array<std::array<std::uint16_t, 8>, 256>;
+Ones onesOfBytes() {
+  Ones ones{};
+  for (std::size_t byte = 0; byte < ones.size(); ++byte) {
+    for (std::size_t k = 0; k < 8; ++k) ones[byte][k] = byte >> k & 1U;
+  }
+  return ones;
+}
+
+/// Adds a visit to the cells of a row whose bits are set, up to max_count.
+void addVisits(std::uint16_t* visits, std::uint32_t bits, std::uint16_t max_count) {
+  static const Ones kOnes = onesOfBytes();
+  for (; bits != 0; bits >>= 8U, visits += 8) {
+    if ((bits & 255U) == 0) continue;
+    const std::uint16_t* ones = kOnes[bits & 255U].data();
+    for (int k = 0; k < 8; ++k) {
+      visits[k] = std::min(static_cast<std::uint16_t>(visits[k] + ones[k]), max_count);
+    }
+  }
+}
+
+Patch::Ends& endsOf(Patch& patch, std::size_t row, unsigned col) {
+  const std::size_t place = patch.place(row, col);
+  if (!patch.hasEnds(row, col)) {
+    patch.ends.insert(patch.ends.begin() + static_cast<std::ptrdiff_t>(place), Patch::Ends{});
+    patch.hit_rows[row] |= 1U << col;
+    for (std::size_t r = row + 1; r < Patch::kSide; ++r) ++patch.row_begin[r];
+  }
+  return patch.ends[place];
+}
+
 }  // namespace
 
 PatchMap::PatchMap(double resolution_m, double occupied_ratio, int max_count)
@@ -32,36 +64,48 @@ void PatchMap::Writer::addHit(double x_cells, double y_cells, bool counts) {
   const double fy = std::floor(y_cells);
   const int ix = static_cast<int>(fx);
   const int iy = static_cast<int>(fy);
-  Patch& patch = patchOf(ix, iy);
-  if (!patch.ends) patch.ends = std::make_unique<std::array<Patch::Ends, Patch::kCells>>();
-  const std::size_t index = indexInPatch(ix, iy);
-  Patch::Ends& ends = (*patch.ends)[index];
+  Patch& patch = patchAt(ix >> Patch::kBits, iy >> Patch::kBits);
+  const auto row = static_cast<std::size_t>(iy & (Patch::kSide - 1));
+  const auto col = static_cast<unsigned>(ix & (Patch::kSide - 1));
+  Patch::Ends& ends = endsOf(patch, row, col);
   if (counts) {
-    if (patch.visits[index] >= map_.max_count_) forget(patch.visits[index], ends);
+    std::uint16_t& visits = patch.visits[indexInPatch(ix, iy)];
+    if (visits >= map_.max_count_) forget(visits, ends);
     ++ends.hits;
-    ++patch.visits[index];
+    ++visits;
   }
   const int weight = counts ? ends.hits : ends.hits + 1;
   ends.mean_x = towards(ends.mean_x, x_cells - fx, weight);
   ends.mean_y = towards(ends.mean_y, y_cells - fy, weight);
-  map_.refresh(patch, ix, iy);
+  map_.refresh(patch, row, col);
 }
 
-void PatchMap::Writer::addFreeToWall(Patch& patch, int ix, int iy) {
-  const std::size_t index = indexInPatch(ix, iy);
-  if (patch.visits[index] >= map_.max_count_) forget(patch.visits[index], (*patch.ends)[index]);
-  ++patch.visits[index];
-  map_.refresh(patch, ix, iy);
+void PatchMap::Writer::addFree(int px, int py, const std::uint32_t* rows) {
+  Patch& patch = patchAt(px, py);
+  for (std::size_t row = 0; row < Patch::kSide; ++row) {
+    std::uint32_t walls = rows[row] & patch.hit_rows[row];
+    addVisits(
+        &patch.visits[row * Patch::kSide],
+        rows[row] & ~walls,
+        static_cast<std::uint16_t>(map_.max_count_));
+    for (; walls != 0; walls &= walls - 1) {
+      addFreeToWall(patch, row, static_cast<unsigned>(__builtin_ctz(walls)));
+    }
+  }
 }
 
-void PatchMap::refresh(Patch& patch, int ix, int iy) const {
-  constexpr int kMask = Patch::kSide - 1;
-  const auto row = static_cast<std::size_t>(iy & kMask);
-  const std::uint32_t bit = 1U << static_cast<unsigned>(ix & kMask);
-  const PointCell cell = patch.cell(indexInPatch(ix, iy));
-  const auto set = [bit](std::uint32_t& bits, bool on) { bits = on ? bits | bit : bits & ~bit; };
-  set(patch.hit_rows[row], cell.hits > 0);
-  set(patch.occupied_rows[row], occupied(cell));
+void PatchMap::Writer::addFreeToWall(Patch& patch, std::size_t row, unsigned col) {
+  std::uint16_t& visits = patch.visits[row * Patch::kSide + col];
+  if (visits >= map_.max_count_) forget(visits, patch.ends[patch.place(row, col)]);
+  ++visits;
+  map_.refresh(patch, row, col);
+}
+
+void PatchMap::refresh(Patch& patch, std::size_t row, unsigned col) const {
+  const std::uint32_t bit = 1U << col;
+  const bool is_occupied = occupied(patch.cell(row * Patch::kSide + col));
+  patch.occupied_rows[row] =
+      is_occupied ? patch.occupied_rows[row] | bit : patch.occupied_rows[row] & ~bit;
 }
 
 Patch& PatchMap::ownPatch(int px, int py) {

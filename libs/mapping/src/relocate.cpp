@@ -15,9 +15,9 @@ constexpr double kSeparation_m = 0.6;  // of two places
 std::vector<Point2> pointsOf(const Cluster& cluster, double reach_m) {
   std::vector<Point2> points;
   for (const Cluster::Member& m : cluster.members) {
-    for (const ContourPoint& p : m.contour->samples()) {
+    m.contour->forSamples([&](const ContourPoint& p) {
       if (p.range_m <= reach_m) points.push_back(transform(m.T_cluster_base, {p.x, p.y}));
-    }
+    });
   }
   return points;
 }

@@ -22,16 +22,49 @@ class ScanIntegrator {
   void integrate(PatchMap& map, const LaserScan& scan, const Pose2& T_map_base);
 
  private:
-  /// True the first time a cell is marked; cells beyond the window count as marked.
-  bool mark(int ix, int iy);
-  void castFree(PatchMap::Writer& map, double x, double y, double dx, double dy, double length);
+  /// A bit per cell of a window around the laser, patch by patch as in the map.
+  class Marks {
+   public:
+    explicit Marks(int patches) : patches_(patches), rows_(words(patches), 0) {}
+    void set(int ix, int iy) { word(ix, iy) |= bit(ix); }
+    [[nodiscard]] bool test(int ix, int iy) { return (word(ix, iy) & bit(ix)) != 0; }
+    /// The rows of a patch. Patches and cells count from the window's lower left corner.
+    [[nodiscard]] std::uint32_t* patch(int px, int py) {
+      return &word(px << Patch::kBits, py << Patch::kBits);
+    }
+
+   private:
+    static std::size_t words(int patches) {
+      return static_cast<std::size_t>(patches * patches) * Patch::kSide;
+    }
+    [[nodiscard]] std::uint32_t& word(int ix, int iy) {
+      const int patch = (iy >> Patch::kBits) * patches_ + (ix >> Patch::kBits);
+      return rows_[static_cast<std::size_t>((patch << Patch::kBits) + (iy & (Patch::kSide - 1)))];
+    }
+    static std::uint32_t bit(int ix) {
+      return 1U << static_cast<unsigned>(ix & (Patch::kSide - 1));
+    }
+
+    int patches_;  // per side
+    std::vector<std::uint32_t> rows_;
+  };
+  struct Beam {
+    double dx = 0.0;
+    double dy = 0.0;
+    double length = 0.0;  // [cells] 0 = no echo
+  };
+
+  /// \param reach [cells] beams are cut here
+  void castBeams(double x, double y, double step_rad, double reach);
+  template <bool kSteep>
+  void castFree(double x, double y, double dx, double dy, double length);
 
   double max_range_m_;
   double free_range_m_;
-  int half_;                          // of the window of marks [cells]
-  int words_;                         // per row
-  std::vector<std::uint64_t> marks_;  // around the laser
-  int x0_ = 0, y0_ = 0;               // lower left cell of the window
+  int half_;  // of the window [cells]
+  Marks ends_;
+  Marks free_;
+  std::vector<Beam> beams_;  // of the present scan, all of them
 };
 
 }  // namespace vestibule::mapping

@@ -66,13 +66,16 @@ MeanPoint meanPointNear(const PatchMap& map, double x, double y) {
         patch = map.patch(ix >> Patch::kBits, row >> Patch::kBits);
       }
       if (patch == nullptr) continue;
-      const std::uint32_t bits = (patch->occupied_rows[static_cast<std::size_t>(row & kMask)] >>
-                                  static_cast<unsigned>(lx - 1)) &
-                                 7U;
-      if (bits == 0) continue;
-      const Patch::Ends* ends = &(*patch->ends)[PatchMap::indexInPatch(ix - 1, row)];
-      for (int k = 0; k < 3; ++k) {
-        if ((bits >> static_cast<unsigned>(k) & 1U) != 0) sum.add(ends[k], ix - 1 + k, row);
+      const auto r = static_cast<std::size_t>(row & kMask);
+      const auto left = static_cast<unsigned>(lx - 1);
+      const std::uint32_t occupied = patch->occupied_rows[r] >> left & 7U;
+      if (occupied == 0) continue;
+      const std::uint32_t hit = patch->hit_rows[r] >> left & 7U;
+      const Patch::Ends* ends = &patch->ends[patch->place(r, left)];
+      for (unsigned k = 0; k < 3; ++k) {
+        if ((hit >> k & 1U) == 0) continue;
+        if ((occupied >> k & 1U) != 0) sum.add(*ends, ix - 1 + static_cast<int>(k), row);
+        ++ends;
       }
     }
     return sum.mean();

@@ -81,7 +81,8 @@ TrackResult trackScans(
     if (progress && k % 16 == 0)
       progress(static_cast<double>(k) / static_cast<double>(keys.size()));
   }
-  spreadCorrections(nodes, keys, poses);
+  const std::vector<Pose2> all = spreadCorrections(nodes, keys, poses);
+  for (std::size_t i = 0; i < nodes.size(); ++i) nodes[i].T_map_base = all[i];
   result.nodes = std::move(nodes);
   return result;
 }

@@ -3,19 +3,25 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
+#include <map>
+
 #include "room.hpp"
+#include "see_through.hpp"
 #include "vestibule/mapping/deskew.hpp"
 #include "vestibule/mapping/drive_path.hpp"
 #include "vestibule/mapping/finish.hpp"
 #include "vestibule/mapping/gmapping_names.hpp"
 #include "vestibule/mapping/map_quality.hpp"
 #include "vestibule/mapping/mapping_params.hpp"
+#include "vestibule/mapping/sessions.hpp"
 
 namespace vestibule::mapping {
 namespace {
 
 using test::Room;
 using test::RoomDrive;
+using test::seeThrough;
 
 TEST(Deskew, UndoesTheMotionDuringAScan) {
   // GIVEN a scan taken in 0.1 s by a robot that drives 1 m/s and turns 1 rad/s
@@ -150,7 +156,7 @@ TEST(MapQuality, EndPointsSpreadOverCellsMakeOneOfThemOccupied) {
   // GIVEN a pole that 3 of 10 scans saw in two neighbouring cells, in neither often enough
   const auto look = [&](int hits, int through, int ix) {
     for (int i = 0; i < hits; ++i) writer.addHit(ix + 0.5, 10.5);
-    for (int i = 0; i < through; ++i) writer.addFree(ix, 10);
+    for (int i = 0; i < through; ++i) seeThrough(writer, ix, 10);
   };
   look(2, 8, 10);
   look(1, 9, 11);
@@ -160,6 +166,51 @@ TEST(MapQuality, EndPointsSpreadOverCellsMakeOneOfThemOccupied) {
   EXPECT_EQ(drawn.at({0.525, 0.525}), grid::Cell::kOccupied);
   EXPECT_EQ(drawn.at({0.575, 0.525}), grid::Cell::kFree);
   EXPECT_EQ(drawn.at({1.025, 0.525}), grid::Cell::kFree);
+}
+
+/// What `sessions` scans from one place of the room make, each off by so much.
+SessionCells sessionsOff(const std::vector<double>& off_m, std::size_t& seen_cells) {
+  const Room room;
+  std::map<int, PatchMap> maps;
+  std::vector<ScanNode> all;
+  for (const double off : off_m) {
+    const LaserScan scan = room.scanFrom({3.0, 2.0, 0.4});
+    const std::vector<ScanNode> own{{scan, {}, {3.0 + off, 2.0, 0.4}}};
+    all.push_back(own.front());
+    maps.emplace(static_cast<int>(maps.size()) + 1, mapOf(own, {}));
+  }
+  const grid::OccupancyMap map = toOccupancyMap(mapOf(all, {}), 0.5);
+  seen_cells = map.count(grid::Cell::kFree) + map.count(grid::Cell::kOccupied);
+  return sessionCells(maps, map);
+}
+
+TEST(Sessions, CellsKnowWhoSawThem) {
+  std::size_t seen_cells = 0;
+  const SessionCells one = sessionsOff({0.0}, seen_cells);
+  ASSERT_EQ(one.shares.size(), 1U);
+  EXPECT_EQ(one.shares[0].cells_seen, seen_cells);
+  EXPECT_EQ(one.shares[0].cells_alone, seen_cells);
+  EXPECT_EQ(one.shares[0].walls_shared, 0U);
+
+  const SessionCells two = sessionsOff({0.0, 0.3}, seen_cells);
+  std::array<std::size_t, 4> cells{};
+  for (const std::uint16_t bits : two.seen_by) ++cells.at(bits);
+  EXPECT_EQ(cells[1] + cells[2] + cells[3], seen_cells);
+  EXPECT_EQ(two.shares[0].cells_seen, cells[1] + cells[3]);
+  EXPECT_EQ(two.shares[1].cells_seen, cells[2] + cells[3]);
+  EXPECT_EQ(two.shares[1].cells_alone, cells[2]);
+  EXPECT_GT(cells[3], cells[1] + cells[2]);
+}
+
+TEST(Sessions, ASessionInAWrongPlaceStandsOut) {
+  std::size_t seen_cells = 0;
+  const auto share = [](const SessionShare& s) {
+    return static_cast<double>(s.walls_contradicted) / static_cast<double>(s.walls_shared);
+  };
+  const SessionCells cells = sessionsOff({0.0, 0.02, -0.4}, seen_cells);
+  EXPECT_LT(share(cells.shares[0]), 0.05);
+  EXPECT_LT(share(cells.shares[1]), 0.05);
+  EXPECT_GT(share(cells.shares[2]), 0.2);  // what a single scan of it shows: 0.29
 }
 
 TEST(GmappingNames, AreReadAndWrittenIntoTheFilter) {

@@ -4,10 +4,13 @@
 
 #include <optional>
 
+#include "see_through.hpp"
 #include "vestibule/mapping/params.hpp"
 
 namespace vestibule::mapping {
 namespace {
+
+using test::seeThrough;
 
 TEST(PatchMap, KeepsTheMeanOfTheEndPointsInACell) {
   PatchMap map(0.05);
@@ -40,9 +43,9 @@ TEST(PatchMap, BeamsThroughAWallClearIt) {
   PatchMap map(0.05, 0.25);
   PatchMap::Writer writer(map);
   writer.addHit(5.5, 5.5);
-  for (int i = 0; i < 3; ++i) writer.addFree(5, 5);
+  for (int i = 0; i < 3; ++i) seeThrough(writer, 5, 5);
   EXPECT_TRUE(map.occupied(map.cell(5, 5)));
-  writer.addFree(5, 5);
+  seeThrough(writer, 5, 5);
   EXPECT_FALSE(map.occupied(map.cell(5, 5)));
   EXPECT_EQ(map.patch(0, 0)->occupied_rows[5], 0U);
 }
@@ -53,7 +56,7 @@ TEST(PatchMap, ForgetsWhenTheCountsAreFull) {
   for (int i = 0; i < 1000; ++i) writer.addHit(1.5, 1.5);
   EXPECT_LE(map.cell(1, 1).visits, 20);
   // GIVEN a wall seen a thousand times and then taken away
-  for (int i = 0; i < 60; ++i) writer.addFree(1, 1);
+  for (int i = 0; i < 60; ++i) seeThrough(writer, 1, 1);
   EXPECT_FALSE(map.occupied(map.cell(1, 1)));
 }
 

@@ -73,6 +73,25 @@ std::vector<mapping::ScanNode> nodesOf(const std::vector<io::MapFrame>& frames) 
   return nodes;
 }
 
+/// Which sessions made which cell of a map.
+/// \param map  of all frames
+mapping::SessionCells sessionsOf(
+    const std::vector<io::MapFrame>& frames,
+    const mapping::PatchMap& map,
+    const grid::OccupancyMap& drawn,
+    const Config& config) {
+  std::map<int, std::vector<mapping::ScanNode>> nodes;
+  for (const io::MapFrame& f : frames) {
+    nodes[f.session].push_back({f.scan, f.T_map_base, f.T_map_base});
+  }
+  std::map<int, mapping::PatchMap> maps;
+  for (const auto& [session, some] : nodes) {
+    maps.emplace(
+        session, nodes.size() == 1 ? map : mapping::mapOf(some, config.mapping.filter.map));
+  }
+  return mapping::sessionCells(maps, drawn);
+}
+
 /// One drive on its way through the filter.
 class Drive {
  public:
@@ -90,14 +109,14 @@ class Drive {
         with_gyro_(hasGyro(path, recording_options)),
         reader_(io::openRecording(path, recording_options)),
         odometry_(config, with_gyro_),
-        filter_(config.mapping.filter, config.seed, &observers) {
+        filter_(std::in_place, config.mapping.filter, config.seed, &observers) {
     if (!options_.journal.empty()) {
       journal_.emplace(
           options_.journal,
           identityOf(path, options, config),
           static_cast<std::size_t>(config.mapping.filter.particles),
           options_.resume);
-      filter_.repeat(journal_->takeRecorded());
+      filter_->repeat(journal_->takeRecorded());
     }
   }
 
@@ -111,7 +130,7 @@ class Drive {
         while (const auto record = reader_.next()) process(record->measurement);
       }
     } catch (const InputError& error) {
-      if (filter_.generations().size() < 2) throw;  // nothing worth keeping
+      if (filter_->generations().size() < 2) throw;  // nothing worth keeping
       damage_ = error.what();
     }
     if (nodes_.empty()) {
@@ -144,20 +163,20 @@ class Drive {
     node.scan = mapping::deskewed(raw, odometry_.speed(), odometry_.yawRate());
     node.T_odom_base = odometry_.at(raw.stamp);
     if (nodes_.empty()) begin(node.scan);
-    const mapping::MapReport report = filter_.process(node.scan, node.T_odom_base);
+    const mapping::MapReport report = filter_->process(node.scan, node.T_odom_base);
     first_ = nodes_.empty() ? raw.stamp : std::min(first_, raw.stamp);
     last_ = nodes_.empty() ? raw.stamp : std::max(last_, raw.stamp);
     nodes_.push_back(std::move(node));
     if (report.repeated) {
       ++repeated_;
     } else if (report.used) {
-      if (journal_) journal_->append(filter_.generations().back());
+      if (journal_) journal_->append(filter_->generations().back());
       if (options_.status) options_.status(report.effective_particles);
     }
     if (options_.preview_scans > 0 && options_.preview &&
         nodes_.size() % options_.preview_scans == 0) {
       options_.preview(
-          mapping::toOccupancyMap(filter_.bestMap(), config_.mapping.known_poses.margin_m),
+          mapping::toOccupancyMap(filter_->bestMap(), config_.mapping.known_poses.margin_m),
           soFar());
     }
     progress_(reader_.progress(), toSeconds(raw.stamp - first_));
@@ -176,18 +195,18 @@ class Drive {
           ": its first scan fits nowhere in the earlier map; give the start with --init "
           "x,y,yaw_rad");
     }
-    filter_.start(*start, map);
+    filter_->start(*start, map);
   }
 
   [[nodiscard]] std::vector<std::size_t> usedScans() const {
     std::vector<std::size_t> used;
-    for (const mapping::Generation& g : filter_.generations()) used.push_back(g.scan);
+    for (const mapping::Generation& g : filter_->generations()) used.push_back(g.scan);
     return used;
   }
 
   [[nodiscard]] metrics::Trajectory soFar() const {
     metrics::Trajectory poses;
-    const auto path = filter_.bestPath();
+    const auto path = filter_->bestPath();
     const auto used = usedScans();
     for (std::size_t k = 0; k < used.size(); ++k) {
       poses.push_back({nodes_[used[k]].scan.stamp, path[k]});
@@ -197,8 +216,13 @@ class Drive {
 
   MapDriveResult result() {
     std::vector<std::size_t> used = usedScans();
-    const std::vector<Pose2> path = filter_.bestPath();
-    mapping::spreadPath(nodes_, used, path);
+    mapping::spreadPath(nodes_, used, filter_->bestPath());
+    std::vector<MapUpdate> updates;
+    for (const mapping::Generation& g : filter_->generations()) {
+      updates.push_back({nodes_[g.scan].scan.stamp, g.report});
+    }
+    const std::size_t patch_bytes = filter_->patchBytes();
+    filter_.reset();  // what comes now needs the memory
     std::vector<mapping::PoseConstraint> graph;
     std::optional<mapping::FinishResult> finished;
     if (options_.finish) {
@@ -206,6 +230,8 @@ class Drive {
       used = finished->keys;
       graph = finished->graph;
     } else {
+      // A second session would move off the map that it extends.
+      if (options_.before.empty()) smooth(used);
       graph = mapping::chainOf(nodes_, used, config_.mapping.finish);
     }
     std::vector<io::MapFrame> frames = options_.before;
@@ -221,14 +247,13 @@ class Drive {
     MapDriveResult r(mapping::toOccupancyMap(map, config_.mapping.known_poses.margin_m));
     r.trajectory = inFileOrder();
     r.quality = mapping::judgeMap(map, heldOut(used), config_.mapping.filter.matcher);
+    r.sessions = sessionsOf(frames, map, r.map, config_);
     r.graph_g2o = mapping::g2oOf(poses, graph);
     r.finished = std::move(finished);
     r.frames = std::move(frames);
-    for (const mapping::Generation& g : filter_.generations()) {
-      r.updates.push_back({nodes_[g.scan].scan.stamp, g.report});
-    }
+    r.updates = std::move(updates);
     r.repeated_updates = repeated_;
-    r.patch_bytes = filter_.patchBytes();
+    r.patch_bytes = patch_bytes;
     r.data_s = toSeconds(last_ - first_);
     for (std::size_t i = 1; i < r.trajectory.size(); ++i) {
       r.distance_m += distance(r.trajectory[i - 1].pose, r.trajectory[i].pose);
@@ -237,6 +262,14 @@ class Drive {
     r.damage = damage_;
     if (options_.georeference) georeference(r);
     return r;
+  }
+
+  void smooth(const std::vector<std::size_t>& used) {
+    if (options_.finishing) options_.finishing();
+    mapping::smoothDrive(
+        nodes_, used, config_.mapping.smooth, config_.mapping.finish, [this](double share) {
+          progress_(share, toSeconds(last_ - first_));
+        });
   }
 
   /// Corrects all nodes.
@@ -325,7 +358,7 @@ class Drive {
   bool with_gyro_;
   ScanOrder reader_;
   DriveOdometry odometry_;
-  mapping::Rbpf filter_;
+  std::optional<mapping::Rbpf> filter_;  // until the drive is over
   std::optional<MapJournal> journal_;
   std::vector<mapping::ScanNode> nodes_;
   std::vector<FixAt> fixes_;
@@ -347,10 +380,11 @@ MapDriveResult mapDrive(
   return Drive(recording_path, recording_options, options, config, observers, progress).run();
 }
 
-grid::OccupancyMap mapOfFrames(const std::vector<io::MapFrame>& frames, const Config& config) {
-  return mapping::toOccupancyMap(
-      mapping::mapOf(nodesOf(frames), config.mapping.filter.map),
-      config.mapping.known_poses.margin_m);
+FramesMap mapOfFrames(const std::vector<io::MapFrame>& frames, const Config& config) {
+  const mapping::PatchMap map = mapping::mapOf(nodesOf(frames), config.mapping.filter.map);
+  FramesMap result{mapping::toOccupancyMap(map, config.mapping.known_poses.margin_m), {}};
+  result.sessions = sessionsOf(frames, map, result.map, config);
+  return result;
 }
 
 }  // namespace vestibule::pipeline

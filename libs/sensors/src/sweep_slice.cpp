@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "vestibule/sensors/sweep_time.hpp"
+
 namespace vestibule {
 namespace {
 
@@ -171,7 +173,7 @@ LaserScan sliceSweep(const LidarSweep& sweep, const SliceParams& params) {
     findObstacles(column, params);
   }
   LaserScan scan;
-  scan.stamp = sweep.stamp;
+  scan.stamp = meanStamp(sweep);
   scan.angle_min_rad = -kPi;
   scan.angle_step_rad = step_rad;
   scan.range_max_m = params.max_range_m;

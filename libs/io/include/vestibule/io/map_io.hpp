@@ -1,8 +1,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "vestibule/core/frames.hpp"
 #include "vestibule/grid/occupancy_map.hpp"
@@ -36,5 +38,10 @@ void saveMapServer(
     const std::string& image_path,
     const std::string& image_name = {},
     const std::optional<MapGeoreference>& georeference = {});
+
+/// Writes a layer of 16-bit numbers beside a map: a PGM of the map's size, row by row from the top.
+/// \param cells  row by row from the lower left, width * height of them
+/// Throws InputError when the file cannot be written.
+void saveLayer(const std::string& path, int width, const std::vector<std::uint16_t>& cells);
 
 }  // namespace vestibule::io

@@ -40,6 +40,12 @@ struct RefineParams {
   int iterations = 15;
 };
 
+/// The little of it that every drive gets.
+struct SmoothParams {
+  int iterations = 4;  ///< 0 = the filter's path as it is
+  int pairs_per_scan = 3;
+};
+
 struct FinishParams {
   int threads = 0;  ///< 0 = one per core; the result does not depend on it
   ClosureParams closures;
@@ -47,6 +53,7 @@ struct FinishParams {
 };
 void describe(ParamIo& io, ClosureParams& p);
 void describe(ParamIo& io, RefineParams& p);
+void describe(ParamIo& io, SmoothParams& p);
 void describe(ParamIo& io, FinishParams& p);
 
 enum class ClosureVerdict {
@@ -100,6 +107,19 @@ struct FinishResult {
     const std::vector<ScanNode>& nodes,
     const std::vector<std::size_t>& used,
     const FinishParams& params);
+
+/// Takes the jitter out of a drive that the filter mapped: its used scans are refined together on
+/// the surfaces that they share, the others placed on them. No loop is looked for, and what drifted
+/// apart by more than the gate stays apart. The first node keeps its pose. The result does not
+/// depend on the number of threads.
+/// \param used    numbers of the used scans, ascending, from 0
+/// \param params  its threads and what `refine` has besides `smooth`
+void smoothDrive(
+    std::vector<ScanNode>& nodes,
+    const std::vector<std::size_t>& used,
+    const SmoothParams& smooth,
+    const FinishParams& params,
+    const ShareDone& progress);
 
 /// Corrects a drive that was mapped: finds places seen again, fits all poses to that (pose graph
 /// with robust weights), then refines all poses together on the surfaces that scans share.

@@ -11,6 +11,7 @@ namespace vestibule::mapping {
 struct MappingParams {
   KnownPosesParams known_poses;  ///< its keys stand at the top of the section
   FilterParams filter;
+  SmoothParams smooth;     ///< of every drive that is mapped anew
   FinishParams finish;     ///< of --finish
   GmappingNames gmapping;  ///< what it names is written into `filter`
 };

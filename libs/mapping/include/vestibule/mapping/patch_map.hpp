@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <utility>
 #include <vector>
 
@@ -26,8 +25,8 @@ struct PointCell {
   }
 };
 
-/// 32 x 32 cells. Free space, most of any map, costs a count per cell; what walls need more is
-/// there from the first end point on.
+/// 32 x 32 cells. Free space, most of any map, costs a count per cell; cells with end points have
+/// what more they need in a list, in the order of the cells.
 struct Patch {
   static constexpr int kBits = 5;
   static constexpr int kSide = 1 << kBits;
@@ -42,25 +41,41 @@ struct Patch {
 
   Patch() = default;
   Patch(const Patch& other)
-      : visits(other.visits), hit_rows(other.hit_rows), occupied_rows(other.occupied_rows) {
-    if (other.ends) ends = std::make_unique<std::array<Ends, kCells>>(*other.ends);
-  }
+      : visits(other.visits),
+        hit_rows(other.hit_rows),
+        occupied_rows(other.occupied_rows),
+        row_begin(other.row_begin),
+        ends(other.ends) {}
   Patch& operator=(const Patch&) = delete;
   ~Patch() = default;
 
+  [[nodiscard]] bool hasEnds(std::size_t row, unsigned col) const {
+    return (hit_rows[row] >> col & 1U) != 0;
+  }
+  /// Where in `ends` the cell's are, or belong.
+  [[nodiscard]] std::size_t place(std::size_t row, unsigned col) const {
+    return row_begin[row] + bitCount(hit_rows[row] & ((1U << col) - 1U));
+  }
   [[nodiscard]] PointCell cell(std::size_t index) const {
-    if (!ends) return {0, visits[index], 0, 0};
-    const Ends& e = (*ends)[index];
+    const std::size_t row = index >> kBits;
+    const auto col = static_cast<unsigned>(index & (kSide - 1));
+    if (!hasEnds(row, col)) return {0, visits[index], 0, 0};
+    const Ends& e = ends[place(row, col)];
     return {e.hits, visits[index], e.mean_x, e.mean_y};
   }
-  [[nodiscard]] std::size_t bytes() const {
-    return sizeof(Patch) + (ends ? sizeof(*ends) : std::size_t{0});
+  [[nodiscard]] std::size_t bytes() const { return sizeof(Patch) + ends.capacity() * sizeof(Ends); }
+
+  static unsigned bitCount(std::uint32_t bits) {
+    bits -= bits >> 1U & 0x55555555U;
+    bits = (bits & 0x33333333U) + (bits >> 2U & 0x33333333U);
+    return ((bits + (bits >> 4U)) & 0x0F0F0F0FU) * 0x01010101U >> 24U;
   }
 
   std::array<std::uint16_t, kCells> visits{};
   std::array<std::uint32_t, kSide> hit_rows{};       ///< a bit per cell that has end points
   std::array<std::uint32_t, kSide> occupied_rows{};  ///< a bit per occupied cell
-  std::unique_ptr<std::array<Ends, kCells>> ends;    ///< null: no end point in the patch
+  std::array<std::uint16_t, kSide> row_begin{};      ///< of each row in `ends`
+  std::vector<Ends> ends;
   std::atomic<std::uint32_t> owners{1};
 };
 
@@ -144,22 +159,11 @@ class PatchMap {
     /// An end point at (x, y) in cells.
     /// \param counts false: a further end point of one scan in a cell; it moves the mean only
     void addHit(double x_cells, double y_cells, bool counts = true);
-    /// A beam went through.
-    void addFree(int ix, int iy) {
-      Patch& patch = patchOf(ix, iy);
-      const auto row = static_cast<std::size_t>(iy & (Patch::kSide - 1));
-      if ((patch.hit_rows[row] >> static_cast<unsigned>(ix & (Patch::kSide - 1)) & 1U) != 0) {
-        addFreeToWall(patch, ix, iy);
-        return;
-      }
-      std::uint16_t& visits = patch.visits[indexInPatch(ix, iy)];
-      if (visits < map_.max_count_) ++visits;
-    }
+    /// Beams went through these cells of a patch: a word per row, a bit per cell.
+    void addFree(int px, int py, const std::uint32_t* rows);
 
    private:
-    Patch& patchOf(int ix, int iy) {
-      const int px = ix >> Patch::kBits;
-      const int py = iy >> Patch::kBits;
+    Patch& patchAt(int px, int py) {
       if (last_ == nullptr || px != px_ || py != py_) {
         last_ = &map_.ownPatch(px, py);
         px_ = px;
@@ -167,7 +171,7 @@ class PatchMap {
       }
       return *last_;
     }
-    void addFreeToWall(Patch& patch, int ix, int iy);
+    void addFreeToWall(Patch& patch, std::size_t row, unsigned col);
 
     PatchMap& map_;
     Patch* last_ = nullptr;
@@ -186,7 +190,7 @@ class PatchMap {
  private:
   Patch& ownPatch(int px, int py);
   void growTo(int px, int py);
-  void refresh(Patch& patch, int ix, int iy) const;
+  void refresh(Patch& patch, std::size_t row, unsigned col) const;
 
   double resolution_m_;
   double cells_per_m_;

@@ -15,6 +15,7 @@
 #include "vestibule/mapping/map_quality.hpp"
 #include "vestibule/mapping/rbpf.hpp"
 #include "vestibule/mapping/scan_node.hpp"
+#include "vestibule/mapping/sessions.hpp"
 #include "vestibule/metrics/trajectory.hpp"
 #include "vestibule/pipeline/config.hpp"
 #include "vestibule/pipeline/progress.hpp"
@@ -71,6 +72,7 @@ struct MapDriveResult {
   std::vector<MapUpdate> updates;
   std::size_t repeated_updates = 0;  ///< taken from the journal
   mapping::MapQuality quality;
+  mapping::SessionCells sessions;
   /// Without its nodes, whose poses are in the trajectory and the frames.
   std::optional<mapping::FinishResult> finished;
   std::optional<io::MapGeoreference> georeference;
@@ -95,8 +97,11 @@ struct MapDriveResult {
     const Observers& observers,
     const Progress& progress);
 
-/// The map of scans of earlier drives.
-[[nodiscard]] grid::OccupancyMap mapOfFrames(
-    const std::vector<io::MapFrame>& frames, const Config& config);
+/// The map of scans of earlier drives, and which of them made which cell.
+struct FramesMap {
+  grid::OccupancyMap map;
+  mapping::SessionCells sessions;
+};
+[[nodiscard]] FramesMap mapOfFrames(const std::vector<io::MapFrame>& frames, const Config& config);
 
 }  // namespace vestibule::pipeline
