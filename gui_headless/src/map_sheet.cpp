@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kPanel = 210.0;
 constexpr double kGap = 10.0;
-constexpr double kLine = 14.0;
+constexpr double kLine = 12.5;
 constexpr double kRim = 1.04;
 constexpr double kDensity = 1.5;
 
@@ -76,7 +76,7 @@ std::string renderMapSheet(const std::vector<MapPanel>& panels, int columns) {
     double line_y = y + panel_height;
     for (const std::string& line : panel.lines) {
       line_y += kLine;
-      canvas.text(line, {x, line_y}, {11.0, palette::kInk, false, false});
+      canvas.text(line, {x, line_y}, {9.5, palette::kInk, false, false});
     }
   }
   return canvas.png();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <map>
 
 #include "filter_replay.hpp"
 #include "least_squares.hpp"
@@ -62,6 +63,19 @@ double medianSize(std::vector<double> r) {
   return *middle;
 }
 
+/// Sizes of misfits by group: those of all, or those of its own group where that is worse (fixes
+/// without corrections, wheels that slip).
+std::vector<double> sizesOf(const std::vector<double>& misfits, const std::vector<int>& groups) {
+  std::map<int, std::vector<double>> of_group;
+  for (std::size_t i = 0; i < misfits.size(); ++i) of_group[groups[i]].push_back(misfits[i]);
+  std::map<int, double> size;
+  const double all = std::max(1e-4, 1.4826 * medianSize(misfits));
+  for (const auto& [group, of] : of_group) size[group] = std::max(all, 1.4826 * medianSize(of));
+  std::vector<double> sizes;
+  for (const int group : groups) sizes.push_back(size[group]);
+  return sizes;
+}
+
 /// Least squares whose noise is the scatter about the fit, known after the first round.
 /// \param groups  of the misfits, as for leastSquares()
 /// \pre misfits() is never empty
@@ -71,15 +85,17 @@ Fit robustFit(
     const Eigen::VectorXd& prior_sigma,
     const std::vector<int>& groups) {
   Fit fit;
-  double sigma = std::max(1e-4, 1.4826 * medianSize(misfits(start)));
+  std::vector<double> sizes = sizesOf(misfits(start), groups);
   for (int round = 0; round < 4; ++round) {
-    const auto residuals = [&](const Eigen::VectorXd& p) -> Eigen::VectorXd {
+    const auto residuals = [&](const Eigen::VectorXd& p) {
       const std::vector<double> r = misfits(p);
-      return Eigen::Map<const Eigen::VectorXd>(r.data(), static_cast<Eigen::Index>(r.size())) /
-             sigma;
+      Eigen::VectorXd white(static_cast<Eigen::Index>(r.size()));
+      for (std::size_t i = 0; i < r.size(); ++i)
+        white[static_cast<Eigen::Index>(i)] = r[i] / sizes[i];
+      return white;
     };
     fit = leastSquares(residuals, start, prior_sigma, groups);
-    sigma = std::max(1e-4, 1.4826 * medianSize(misfits(fit.parameters)));
+    sizes = sizesOf(misfits(fit.parameters), groups);
   }
   return fit;
 }
@@ -119,6 +135,8 @@ Pose2 poseAt(const metrics::Trajectory& path, Timestamp stamp) {
 }
 
 std::vector<Stretch> stretchesOf(const FilterLog& log, const metrics::Trajectory& odometry) {
+  // Short ones: what the wheels slip then stays in one of them.
+  constexpr std::size_t kMostFixes = 20;
   constexpr std::size_t kFewestFixes = 8;
   constexpr double kLeastTravel_m = 1.0;
   std::vector<Stretch> all;
@@ -134,7 +152,10 @@ std::vector<Stretch> stretchesOf(const FilterLog& log, const metrics::Trajectory
   for (const Measurement& m : log.measurements) {
     const auto* fix = std::get_if<GnssFix>(&m);
     if (fix == nullptr || fix->type == GnssFixType::kNone) continue;
-    if (!now.stamps.empty() && toSeconds(fix->stamp - now.stamps.front()) > kStretch_s) close();
+    if (now.stamps.size() == kMostFixes ||
+        (!now.stamps.empty() && toSeconds(fix->stamp - now.stamps.front()) > kStretch_s)) {
+      close();
+    }
     if (!now.stamps.empty()) {
       const Pose2 moved =
           between(poseAt(odometry, now.stamps.back()), poseAt(odometry, fix->stamp));
@@ -208,7 +229,10 @@ void calibrateAntenna(const FilterLog& log, const pipeline::Config& config, Cali
   if (!stretches.empty()) {
     std::vector<int> groups;
     for (std::size_t i = 0; i < stretches.size(); ++i) {
-      groups.insert(groups.end(), 2 * stretches[i].stamps.size(), static_cast<int>(i));
+      groups.insert(
+          groups.end(),
+          2 * stretches[i].stamps.size(),
+          groupAt(toSeconds(stretches[i].stamps.front() - log.first)));
     }
     fit = robustFit(misfits, start, Eigen::Vector4d(2.0, 2.0, 1.0, 0.2), groups);
     Residuals residuals{"antenna", "m", {}, {}};
