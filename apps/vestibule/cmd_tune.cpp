@@ -134,13 +134,13 @@ std::string convergenceChart(const TuningResult& r) {
   gui_headless::LineChart chart;
   chart.title = "Search";
   chart.x_label = "candidate";
-  chart.y_label = "cost / cost of the defaults";
+  chart.y_label = "cost, against the defaults [%]";
   chart.include_zero = false;
   gui_headless::Series best{"best so far", gui_headless::SeriesLook::kEstimate, {}};
   double least = 1.0;
   for (std::size_t i = 0; i < r.tried.size(); ++i) {
     least = std::min(least, r.tried[i].cost);
-    best.points.emplace_back(static_cast<double>(i + 1), least);
+    best.points.emplace_back(static_cast<double>(i + 1), 100.0 * (least - 1.0));
   }
   chart.series.push_back(std::move(best));
   return gui_headless::lineChart(chart);
@@ -150,11 +150,11 @@ std::string sliceChart(const tuning::Slice& slice, double winner) {
   gui_headless::LineChart chart;
   chart.title = slice.parameter;
   chart.x_label = "value";
-  chart.y_label = "cost / cost of the defaults";
+  chart.y_label = "cost, against the defaults [%]";
   chart.include_zero = false;
   gui_headless::Series series{"training", gui_headless::SeriesLook::kEstimate, {}};
   for (const auto& [value, cost] : slice.points) {
-    if (cost < tuning::kPenalty) series.points.emplace_back(value, cost);
+    if (cost < tuning::kPenalty) series.points.emplace_back(value, 100.0 * (cost - 1.0));
   }
   chart.series.push_back(std::move(series));
   chart.markers.push_back({winner, "found"});
@@ -168,7 +168,9 @@ gui_headless::ReportSection resultSection(
   section.text = r.verdict + ".";
   section.figures = {
       figure("gain on validation data", percent(r.validation.gain)),
-      figure(percent(session.accept.confidence) + " interval", intervalOf(r.validation)),
+      figure(
+          tuning::shortNumber(100.0 * session.accept.confidence) + " % interval",
+          intervalOf(r.validation)),
       figure("p-value (default and candidate swapped)", fixed(r.validation.p_value, 4)),
       figure("blocks of validation data", std::to_string(r.validation.blocks)),
       figure("gain on training data", percent(r.training.gain)),

@@ -239,8 +239,11 @@ class MappingSubject : public ScanSubject {
     seeded.seed = seed;
     seeded.mapping.filter.threads = 1;
     seeded.mapping.finish.threads = 1;
+    // Every candidate by the same measure: a wider one would flatter its own map.
+    pipeline::MapDriveOptions options;
+    options.judge = session_.base.mapping.filter.matcher;
     auto result = pipeline::mapDrive(
-        drive.log, recordingOptions(config), {}, seeded, Observers{}, [](double, double) {});
+        drive.log, recordingOptions(config), options, seeded, Observers{}, [](double, double) {});
     return {laidOn(drive.reference, result.trajectory), result.quality, std::move(result.map)};
   }
 };

@@ -5,10 +5,12 @@
 
 #include <atomic>
 
+#include "scenario_log.hpp"
 #include "session_target.hpp"
 #include "test_files.hpp"
 #include "tuning_test_support.hpp"
 #include "vestibule/core/errors.hpp"
+#include "vestibule/pipeline/map.hpp"
 #include "vestibule/tuning/subjects.hpp"
 
 namespace vestibule::tuning {
@@ -168,6 +170,25 @@ TEST(Suite, KeepsTrajectoryAndMapOfEveryRun) {
     EXPECT_GT(readFile(run.folder + "/trajectory.tum").size(), 100U);
     EXPECT_GT(readFile(run.folder + "/map.pgm").size(), 100U);
   }
+}
+
+/// A wide matcher forgives what its map gets wrong: maps are compared by one and the same.
+TEST(Suite, MapsOfDifferentMatchersAreJudgedByOne) {
+  const TempFolder folder;
+  const std::string log = folder / "room.rawlog";
+  (void)vestibule::test::recordScenario(vestibule::test::shippedScenario("obstacle_room"), 1, log);
+  pipeline::Config config;
+  config.mapping.filter.particles = 2;
+  const auto likelihood = [&](const std::optional<mapping::MatcherParams>& judge) {
+    pipeline::MapDriveOptions options;
+    options.judge = judge;
+    return pipeline::mapDrive(log, {}, options, config, Observers{}, [](double, double) {})
+        .quality.held_out_log_likelihood;
+  };
+  mapping::MatcherParams wide = config.mapping.filter.matcher;
+  wide.sigma_m *= 4.0;
+  EXPECT_EQ(likelihood(std::nullopt), likelihood(config.mapping.filter.matcher));
+  EXPECT_GT(likelihood(wide), likelihood(std::nullopt) + 0.02);
 }
 
 TEST(Suite, DamagedOnesAreReadOrComplainedOf) {
