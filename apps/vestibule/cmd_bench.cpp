@@ -230,6 +230,7 @@ void addBench(CLI::App& app, int& exit_code) {
       pipeline::benchKidnap,
       exit_code);
   addBenchLost(*bench, exit_code);
+  addBenchSuite(*bench, exit_code);
 }
 
 }  // namespace vestibule::app

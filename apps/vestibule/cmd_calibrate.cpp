@@ -63,25 +63,26 @@ void report(
   }
   section.tables.push_back(std::move(table));
   std::printf("%s", textTable(rows).c_str());
-  if (!c.residuals_before.empty()) {
-    output.summary()["residual_before"] = rounded(c.residual_before, 6);
-    output.summary()["residual_after"] = rounded(c.residual_after, 6);
-    output.summary()["residual_unit"] = c.residual_unit;
+  for (const tuning::Residuals& r : c.residuals) {
+    Json& json = output.summary()["residuals"][r.of];
+    json["unit"] = r.unit;
+    json["before"] = rounded(r.rmsBefore(), 6);
+    json["after"] = rounded(r.rmsAfter(), 6);
     std::printf(
-        "residual, RMS: %.4f %s before, %.4f %s after\n",
-        c.residual_before,
-        c.residual_unit.c_str(),
-        c.residual_after,
-        c.residual_unit.c_str());
+        "misfit of the %s, RMS: %.4f %s before, %.4f %s after\n",
+        r.of.c_str(),
+        r.rmsBefore(),
+        r.unit.c_str(),
+        r.rmsAfter(),
+        r.unit.c_str());
     section.figures.push_back(
-        figure("residual before, RMS", fixed(c.residual_before, 4), c.residual_unit));
-    section.figures.push_back(
-        figure("residual after, RMS", fixed(c.residual_after, 4), c.residual_unit));
+        figure("misfit of the " + r.of + ", RMS, before", fixed(r.rmsBefore(), 4), r.unit));
+    section.figures.push_back(figure("... after", fixed(r.rmsAfter(), 4), r.unit));
     gui_headless::LineChart chart;
-    chart.title = "Residuals";
-    chart.y_label = "residual [" + c.residual_unit + "]";
-    chart.series.push_back({"before", gui_headless::SeriesLook::kSecond, c.residuals_before});
-    chart.series.push_back({"after", gui_headless::SeriesLook::kEstimate, c.residuals_after});
+    chart.title = "Misfit of the " + r.of;
+    chart.y_label = "misfit [" + r.unit + "]";
+    chart.series.push_back({"before", gui_headless::SeriesLook::kSecond, r.before});
+    chart.series.push_back({"after", gui_headless::SeriesLook::kEstimate, r.after});
     section.charts.push_back(gui_headless::lineChart(chart));
   }
   for (const std::string& note : c.notes) section.text += (section.text.empty() ? "" : "; ") + note;

@@ -1,5 +1,3 @@
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -10,6 +8,7 @@
 #include "commands.hpp"
 #include "run_output.hpp"
 #include "terminal.hpp"
+#include "tune_progress.hpp"
 #include "vestibule/core/errors.hpp"
 #include "vestibule/core/parallel.hpp"
 #include "vestibule/gui_headless/charts.hpp"
@@ -26,73 +25,6 @@ using tuning::Session;
 using tuning::TuningResult;
 
 constexpr std::size_t kPathsShown = 3;
-
-/// The line on the terminal, and what Ctrl-C does: once ends the search, twice everything.
-class TuneProgress {
- public:
-  explicit TuneProgress(std::string journal)
-      : journal_(std::move(journal)), on_terminal_(isatty(STDERR_FILENO) != 0) {}
-  TuneProgress(const TuneProgress&) = delete;
-  TuneProgress& operator=(const TuneProgress&) = delete;
-  ~TuneProgress() {
-    if (drawn_) std::fputs("\r\033[K", stderr);
-  }
-
-  [[nodiscard]] tuning::Callbacks callbacks() {
-    tuning::Callbacks c;
-    c.status = [this](const tuning::Status& status) { draw(status); };
-    c.stop = [this] { return stopping_; };
-    c.heartbeat = [this] {
-      if (!takeInterrupt()) return;
-      if (stopping_) {
-        throw Interrupted(
-            "interrupted; what was tried is in " + journal_ +
-            ": the same command goes on from there");
-      }
-      stopping_ = true;
-    };
-    return c;
-  }
-
- private:
-  void draw(const tuning::Status& status) {
-    const auto now = std::chrono::steady_clock::now();
-    if (status.stage != stage_) {
-      stage_ = status.stage;
-      stage_began_ = now;
-    }
-    if (!on_terminal_ || now - last_drawn_ < std::chrono::milliseconds(200)) return;
-    last_drawn_ = now;
-    drawn_ = true;
-    const double s = std::chrono::duration<double>(now - stage_began_).count();
-    const double rate = s > 0.0 ? static_cast<double>(status.done) / s : 0.0;
-    std::string left;
-    if (rate > 0.0 && status.planned > status.done) {
-      const int rest_s = static_cast<int>(static_cast<double>(status.planned - status.done) / rate);
-      left = ", " + std::to_string(rest_s / 60) + ":" + (rest_s % 60 < 10 ? "0" : "") +
-             std::to_string(rest_s % 60) + " left";
-    }
-    std::fprintf(
-        stderr,
-        "\r\033[K%s %zu/%zu, best %.4f of the defaults' cost, %.1f/s%s%s",
-        stage_.c_str(),
-        status.done,
-        status.planned,
-        status.best,
-        rate,
-        left.c_str(),
-        stopping_ ? " (stopping)" : "");
-    std::fflush(stderr);
-  }
-
-  std::string journal_;
-  bool on_terminal_;
-  bool drawn_ = false;
-  bool stopping_ = false;
-  std::string stage_;
-  std::chrono::steady_clock::time_point stage_began_;
-  std::chrono::steady_clock::time_point last_drawn_;
-};
 
 /// The commit of the source tree the program belongs to.
 std::string commitOfTree() {
@@ -202,13 +134,13 @@ std::string convergenceChart(const TuningResult& r) {
   gui_headless::LineChart chart;
   chart.title = "Search";
   chart.x_label = "candidate";
-  chart.y_label = "cost / cost of the defaults";
+  chart.y_label = "cost, against the defaults [%]";
   chart.include_zero = false;
   gui_headless::Series best{"best so far", gui_headless::SeriesLook::kEstimate, {}};
   double least = 1.0;
   for (std::size_t i = 0; i < r.tried.size(); ++i) {
     least = std::min(least, r.tried[i].cost);
-    best.points.emplace_back(static_cast<double>(i + 1), least);
+    best.points.emplace_back(static_cast<double>(i + 1), 100.0 * (least - 1.0));
   }
   chart.series.push_back(std::move(best));
   return gui_headless::lineChart(chart);
@@ -218,11 +150,11 @@ std::string sliceChart(const tuning::Slice& slice, double winner) {
   gui_headless::LineChart chart;
   chart.title = slice.parameter;
   chart.x_label = "value";
-  chart.y_label = "cost / cost of the defaults";
+  chart.y_label = "cost, against the defaults [%]";
   chart.include_zero = false;
   gui_headless::Series series{"training", gui_headless::SeriesLook::kEstimate, {}};
   for (const auto& [value, cost] : slice.points) {
-    if (cost < tuning::kPenalty) series.points.emplace_back(value, cost);
+    if (cost < tuning::kPenalty) series.points.emplace_back(value, 100.0 * (cost - 1.0));
   }
   chart.series.push_back(std::move(series));
   chart.markers.push_back({winner, "found"});
@@ -236,7 +168,9 @@ gui_headless::ReportSection resultSection(
   section.text = r.verdict + ".";
   section.figures = {
       figure("gain on validation data", percent(r.validation.gain)),
-      figure(percent(session.accept.confidence) + " interval", intervalOf(r.validation)),
+      figure(
+          tuning::shortNumber(100.0 * session.accept.confidence) + " % interval",
+          intervalOf(r.validation)),
       figure("p-value (default and candidate swapped)", fixed(r.validation.p_value, 4)),
       figure("blocks of validation data", std::to_string(r.validation.blocks)),
       figure("gain on training data", percent(r.training.gain)),
@@ -368,7 +302,9 @@ tuning::Folders folders() { return {shipped("config/csv"), shipped("config/scena
 void serve(const Session& session, const tuning::MpiWorld& world) {
   const tuning::SearchSpace space(session.parameters, tuning::ParameterTree(session.base));
   const auto subject = tuning::makeSubject(session, folders(), [](double, double) {});
-  tuning::serveTasks(tuning::TaskRunner(session, space, *subject), world);
+  tuning::serveTasks(
+      tuning::TaskRunner(tuning::configOfCandidate(session, space), *subject, session.limits),
+      world);
 }
 
 std::unique_ptr<tuning::Workers> makeWorkers(
@@ -393,7 +329,8 @@ void runTune(const std::string& path, const std::string& out, int threads, int& 
     tuning::Journal journal(journal_path, tuning::fingerprintOf(session));
     ProgressBar bar("reading recordings");
     subject = tuning::makeSubject(session, folders(), bar.callback());
-    const tuning::TaskRunner runner(session, space, *subject);
+    const tuning::TaskRunner runner(
+        tuning::configOfCandidate(session, space), *subject, session.limits);
     const auto workers =
         makeWorkers(runner, world.get(), threads > 0 ? threads : session.search.threads);
     TuneProgress progress(journal_path);

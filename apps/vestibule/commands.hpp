@@ -26,6 +26,7 @@ void addBench(CLI::App& app, int& exit_code);
 void addCalibrate(CLI::App& app, int& exit_code);
 void addTune(CLI::App& app, int& exit_code);
 void addBenchLost(CLI::App& bench, int& exit_code);  ///< a subcommand of bench
+void addBenchSuite(CLI::App& bench, int& exit_code);  ///< a subcommand of bench
 
 /// Root of the source tree: shipped configuration, worlds and recordings.
 [[nodiscard]] inline std::string shipped(const std::string& relative) {

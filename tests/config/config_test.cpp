@@ -24,6 +24,7 @@
 #include "vestibule/sim/simulator.hpp"
 #include "vestibule/sim/world.hpp"
 #include "vestibule/tuning/session.hpp"
+#include "vestibule/tuning/suite.hpp"
 
 namespace vestibule {
 namespace {
@@ -110,6 +111,8 @@ const std::vector<std::pair<std::string, std::function<void(const std::string&)>
        [](const std::string& path) {
          (void)tuning::loadSession(path, shipped("config/scenarios"));
        }},
+      {"config/suites",
+       [](const std::string& path) { (void)tuning::loadSuite(path, shipped("config/scenarios")); }},
       {"config/scenarios",
        [](const std::string& path) { (void)sim::loadScenario(path, shipped("config/scenarios")); }},
       {"config/sites", [](const std::string& path) { (void)geo::loadSite(path); }},

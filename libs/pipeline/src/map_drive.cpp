@@ -246,7 +246,8 @@ class Drive {
     const mapping::PatchMap map = mapping::mapOf(nodesOf(frames), config_.mapping.filter.map);
     MapDriveResult r(mapping::toOccupancyMap(map, config_.mapping.known_poses.margin_m));
     r.trajectory = inFileOrder();
-    r.quality = mapping::judgeMap(map, heldOut(used), config_.mapping.filter.matcher);
+    r.quality = mapping::judgeMap(
+        map, heldOut(used), options_.judge.value_or(config_.mapping.filter.matcher));
     r.sessions = sessionsOf(frames, map, r.map, config_);
     r.graph_g2o = mapping::g2oOf(poses, graph);
     r.finished = std::move(finished);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <map>
 
 #include "filter_replay.hpp"
 #include "least_squares.hpp"
@@ -24,6 +25,10 @@ constexpr double kImuSigma_rad = degToRad(3.0);
 constexpr double kLaserSigma_m = 0.03;
 constexpr double kLaserSigma_rad = degToRad(1.0);
 constexpr double kMotion_s = 0.5;  // of the pairs of scans behind the laser's pose
+/// Errors of odometry and fixes are taken for independent from one such stretch to the next.
+constexpr double kStretch_s = 20.0;
+
+int groupAt(double at_s) { return static_cast<int>(at_s / kStretch_s); }
 
 struct Sensors {
   std::vector<Measurement> measurements;
@@ -58,22 +63,39 @@ double medianSize(std::vector<double> r) {
   return *middle;
 }
 
+/// Sizes of misfits by group: those of all, or those of its own group where that is worse (fixes
+/// without corrections, wheels that slip).
+std::vector<double> sizesOf(const std::vector<double>& misfits, const std::vector<int>& groups) {
+  std::map<int, std::vector<double>> of_group;
+  for (std::size_t i = 0; i < misfits.size(); ++i) of_group[groups[i]].push_back(misfits[i]);
+  std::map<int, double> size;
+  const double all = std::max(1e-4, 1.4826 * medianSize(misfits));
+  for (const auto& [group, of] : of_group) size[group] = std::max(all, 1.4826 * medianSize(of));
+  std::vector<double> sizes;
+  for (const int group : groups) sizes.push_back(size[group]);
+  return sizes;
+}
+
 /// Least squares whose noise is the scatter about the fit, known after the first round.
+/// \param groups  of the misfits, as for leastSquares()
 /// \pre misfits() is never empty
 Fit robustFit(
     const std::function<std::vector<double>(const Eigen::VectorXd&)>& misfits,
     const Eigen::VectorXd& start,
-    const Eigen::VectorXd& prior_sigma) {
+    const Eigen::VectorXd& prior_sigma,
+    const std::vector<int>& groups) {
   Fit fit;
-  double sigma = std::max(1e-4, 1.4826 * medianSize(misfits(start)));
+  std::vector<double> sizes = sizesOf(misfits(start), groups);
   for (int round = 0; round < 4; ++round) {
-    const auto residuals = [&](const Eigen::VectorXd& p) -> Eigen::VectorXd {
+    const auto residuals = [&](const Eigen::VectorXd& p) {
       const std::vector<double> r = misfits(p);
-      return Eigen::Map<const Eigen::VectorXd>(r.data(), static_cast<Eigen::Index>(r.size())) /
-             sigma;
+      Eigen::VectorXd white(static_cast<Eigen::Index>(r.size()));
+      for (std::size_t i = 0; i < r.size(); ++i)
+        white[static_cast<Eigen::Index>(i)] = r[i] / sizes[i];
+      return white;
     };
-    fit = leastSquares(residuals, start, prior_sigma);
-    sigma = std::max(1e-4, 1.4826 * medianSize(misfits(fit.parameters)));
+    fit = leastSquares(residuals, start, prior_sigma, groups);
+    sizes = sizesOf(misfits(fit.parameters), groups);
   }
   return fit;
 }
@@ -113,7 +135,8 @@ Pose2 poseAt(const metrics::Trajectory& path, Timestamp stamp) {
 }
 
 std::vector<Stretch> stretchesOf(const FilterLog& log, const metrics::Trajectory& odometry) {
-  constexpr double kStretch_s = 20.0;
+  // Short ones: what the wheels slip then stays in one of them.
+  constexpr std::size_t kMostFixes = 20;
   constexpr std::size_t kFewestFixes = 8;
   constexpr double kLeastTravel_m = 1.0;
   std::vector<Stretch> all;
@@ -129,7 +152,10 @@ std::vector<Stretch> stretchesOf(const FilterLog& log, const metrics::Trajectory
   for (const Measurement& m : log.measurements) {
     const auto* fix = std::get_if<GnssFix>(&m);
     if (fix == nullptr || fix->type == GnssFixType::kNone) continue;
-    if (!now.stamps.empty() && toSeconds(fix->stamp - now.stamps.front()) > kStretch_s) close();
+    if (now.stamps.size() == kMostFixes ||
+        (!now.stamps.empty() && toSeconds(fix->stamp - now.stamps.front()) > kStretch_s)) {
+      close();
+    }
     if (!now.stamps.empty()) {
       const Pose2 moved =
           between(poseAt(odometry, now.stamps.back()), poseAt(odometry, fix->stamp));
@@ -179,18 +205,6 @@ void appendMisfits(
   }
 }
 
-/// By how much neighbouring misfits say the same: one over the share that counts.
-double inflation(const std::vector<double>& r) {
-  double own = 0.0;
-  double next = 0.0;
-  for (std::size_t i = 0; i + 2 < r.size(); ++i) {
-    own += r[i] * r[i];
-    next += r[i] * r[i + 2];
-  }
-  const double rho = std::clamp(own > 0.0 ? next / own : 0.0, 0.0, 0.98);
-  return (1.0 + rho) / (1.0 - rho);
-}
-
 double rms(const std::vector<double>& r) {
   double sum = 0.0;
   for (const double x : r) sum += x * x;
@@ -213,12 +227,26 @@ void calibrateAntenna(const FilterLog& log, const pipeline::Config& config, Cali
   fit.parameters = start;
   fit.cov = Eigen::Matrix4d::Identity();
   if (!stretches.empty()) {
-    fit = robustFit(misfits, start, Eigen::Vector4d(2.0, 2.0, 1.0, 0.2));
-    fit.cov *= inflation(misfits(fit.parameters));
-    result.notes.push_back(
-        "antenna: " + std::to_string(stretches.size()) +
-        " stretches of 20 s, misfit of the fixes " + shortNumber(rms(misfits(start))) +
-        " m before, " + shortNumber(rms(misfits(fit.parameters))) + " m after");
+    std::vector<int> groups;
+    for (std::size_t i = 0; i < stretches.size(); ++i) {
+      groups.insert(
+          groups.end(),
+          2 * stretches[i].stamps.size(),
+          groupAt(toSeconds(stretches[i].stamps.front() - log.first)));
+    }
+    fit = robustFit(misfits, start, Eigen::Vector4d(2.0, 2.0, 1.0, 0.2), groups);
+    Residuals residuals{"antenna", "m", {}, {}};
+    for (const Stretch& stretch : stretches) {
+      const double at_s = toSeconds(stretch.stamps.front() - log.first);
+      const auto sizeWith = [&](const Eigen::VectorXd& p) {
+        std::vector<double> r;
+        appendMisfits(stretch, odometry, p, r);
+        return rms(r) * std::sqrt(2.0);
+      };
+      residuals.before.emplace_back(at_s, sizeWith(start));
+      residuals.after.emplace_back(at_s, sizeWith(fit.parameters));
+    }
+    result.residuals.push_back(std::move(residuals));
   }
   const std::string turns =
       "turn on the spot and drive eights under RTK: on straights the arm cannot be told from an "
@@ -270,6 +298,7 @@ void calibrateImu(
     }
   }
   std::vector<std::pair<Eigen::Vector2d, Eigen::Vector2d>> rows;  // expected, measured
+  std::vector<int> groups;
   for (std::size_t i = 1; i + 1 < bins.size(); ++i) {
     const Bin& b = bins[i];
     if (b.imu == 0 || b.time <= 0.0 || bins[i - 1].time <= 0.0 || bins[i + 1].time <= 0.0) continue;
@@ -278,6 +307,7 @@ void calibrateImu(
     const double v_after = bins[i + 1].distance / bins[i + 1].time;
     const double a = (v_after - v_before) / (2.0 * kBin_s);
     rows.emplace_back(Eigen::Vector2d(a, v * b.rate / b.imu), b.force / b.imu);
+    groups.insert(groups.end(), 2, groupAt(kBin_s * static_cast<double>(i)));
   }
   const auto misfits = [&](const Eigen::VectorXd& p) {
     // The IMU's axes are turned by p[0] from the robot's: it sees the robot's force turned back.
@@ -292,8 +322,7 @@ void calibrateImu(
   };
   Fit fit;
   if (!rows.empty()) {
-    fit = robustFit(misfits, Eigen::Vector3d::Zero(), Eigen::Vector3d(2.0, 1.0, 1.0));
-    fit.cov *= inflation(misfits(fit.parameters));
+    fit = robustFit(misfits, Eigen::Vector3d::Zero(), Eigen::Vector3d(2.0, 1.0, 1.0), groups);
   }
   Quantity q{"IMU yaw", "deg", radToDeg(config.rig.imu_yaw_rad), 0.0, 0.0, ""};
   if (rows.empty()) {
@@ -375,8 +404,9 @@ void calibrateLaser(
   Fit fit;
   fit.parameters = start;
   if (motions.size() > 8) {
-    fit = robustFit(misfits, start, Eigen::Vector4d(1.0, 1.0, 1.0, 0.3));
-    fit.cov *= inflation(misfits(fit.parameters));
+    std::vector<int> groups;
+    for (const Motion& m : motions) groups.insert(groups.end(), 2, groupAt(m.at_s));
+    fit = robustFit(misfits, start, Eigen::Vector4d(1.0, 1.0, 1.0, 0.3), groups);
   }
   const bool fitted = fit.cov.size() > 0;
   const auto add = [&](const char* name,
@@ -396,20 +426,12 @@ void calibrateLaser(
   add("laser y", "m", 1, 1.0, kLaserSigma_m, turns);
   add("laser yaw", "deg", 2, radToDeg(1.0), kLaserSigma_rad, straight);
   if (!fitted) return;
-  double before = 0.0;
-  double after = 0.0;
+  Residuals residuals{"laser", "m", {}, {}};
   for (const Motion& m : motions) {
-    const double b = errorAt(m, start).norm();
-    const double a = errorAt(m, fit.parameters).norm();
-    result.residuals_before.emplace_back(m.at_s, b);
-    result.residuals_after.emplace_back(m.at_s, a);
-    before += b * b;
-    after += a * a;
+    residuals.before.emplace_back(m.at_s, errorAt(m, start).norm());
+    residuals.after.emplace_back(m.at_s, errorAt(m, fit.parameters).norm());
   }
-  const auto n = static_cast<double>(motions.size());
-  result.residual_unit = "m";
-  result.residual_before = std::sqrt(before / n);
-  result.residual_after = std::sqrt(after / n);
+  result.residuals.push_back(std::move(residuals));
 }
 
 void unobservable(

@@ -15,6 +15,8 @@ namespace vestibule::tuning {
 namespace {
 
 constexpr double kSegment_s = 3.0;
+/// Errors of wheels and reference are taken for independent from one such stretch to the next.
+constexpr double kGroup_s = 20.0;
 constexpr double kGap_s = 1.5;  // a segment with such a hole in the wheel messages is left out
 constexpr std::size_t kFewestSegments = 8;
 // What counts as observed: one sigma below this.
@@ -204,6 +206,19 @@ metrics::Trajectory integrated(
 
 }  // namespace
 
+namespace {
+
+double rootMeanSquare(const std::vector<std::pair<double, double>>& r) {
+  double sum = 0.0;
+  for (const auto& entry : r) sum += entry.second * entry.second;
+  return r.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(r.size()));
+}
+
+}  // namespace
+
+double Residuals::rmsBefore() const { return rootMeanSquare(before); }
+double Residuals::rmsAfter() const { return rootMeanSquare(after); }
+
 const Quantity* Calibration::find(const std::string& name) const {
   for (const Quantity& q : quantities) {
     if (q.name == name) return &q;
@@ -237,6 +252,10 @@ OdometryCalibration calibrateOdometry(
     for (const Segment& s : segments) e.push_back(errorOf(odometry, s, p, track_m));
     return e;
   };
+  std::vector<int> groups;
+  for (const Segment& s : segments) {
+    groups.insert(groups.end(), 3, static_cast<int>(s.start_s / kGroup_s));
+  }
   Fit fit;
   fit.parameters = start;
   Eigen::Vector2d sigma(0.05, 0.02);
@@ -253,7 +272,7 @@ OdometryCalibration calibrateOdometry(
       }
       return r;
     };
-    fit = leastSquares(residuals, start, prior);
+    fit = leastSquares(residuals, start, prior, groups);
     sigma = scatter(errors(fit.parameters));
   }
 
@@ -261,23 +280,17 @@ OdometryCalibration calibrateOdometry(
   const Eigen::VectorXd& p = fit.parameters;
   result.track_m = track_m;
   result.wheels = {p[kScaleLeft], p[kScaleRight], p[kIcrLeft], p[kIcrRight], p[kIcrX]};
-  result.residual_unit = has_position ? "m" : "rad";
   const auto before = errors(start);
   const auto after = errors(p);
-  double sum_before = 0.0;
-  double sum_after = 0.0;
+  Residuals residuals{"wheels", has_position ? "m" : "rad", {}, {}};
   for (std::size_t i = 0; i < segments.size(); ++i) {
     const auto size = [has_position](const Eigen::Vector3d& e) {
       return has_position ? e.head<2>().norm() : std::abs(e.z());
     };
-    result.residuals_before.emplace_back(segments[i].start_s, size(before[i]));
-    result.residuals_after.emplace_back(segments[i].start_s, size(after[i]));
-    sum_before += size(before[i]) * size(before[i]);
-    sum_after += size(after[i]) * size(after[i]);
+    residuals.before.emplace_back(segments[i].start_s, size(before[i]));
+    residuals.after.emplace_back(segments[i].start_s, size(after[i]));
   }
-  const auto n = static_cast<double>(segments.size());
-  result.residual_before = std::sqrt(sum_before / n);
-  result.residual_after = std::sqrt(sum_after / n);
+  result.residuals.push_back(std::move(residuals));
   result.notes.push_back(
       std::to_string(segments.size()) + " stretches of " +
       std::to_string(static_cast<int>(kSegment_s)) + " s");

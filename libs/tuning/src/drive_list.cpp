@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 
+#include "vestibule/core/errors.hpp"
 #include "vestibule/io/recording.hpp"
 #include "vestibule/io/trajectory.hpp"
 
@@ -115,6 +118,17 @@ metrics::Trajectory referenceOf(
   metrics::Trajectory reference;
   for (const io::StampedPose& p : poses) reference.push_back({p.stamp, toPose2(p.T)});
   return reference;
+}
+
+void writeTrajectory(const metrics::Trajectory& trajectory, const std::string& folder) {
+  std::error_code ec;
+  std::filesystem::create_directories(folder, ec);
+  const std::string path = folder + "/trajectory.tum";
+  std::ofstream out(path, std::ios::binary);
+  for (const metrics::TimedPose& p : trajectory) {
+    out << io::formatTumLine({p.stamp, toPose3(p.pose)});
+  }
+  if (!out.flush()) throw InputError(path + ": cannot be written (disk full, no such folder?)");
 }
 
 bool wants(const Session& session, Measure measure) {

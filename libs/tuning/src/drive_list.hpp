@@ -65,6 +65,9 @@ class BlockMeans {
 [[nodiscard]] metrics::Trajectory referenceOf(
     const RecordingSpec& recording, const SensorRig& rig, const Folders& folders);
 
+/// As trajectory.tum in the folder, which is made. Throws InputError when it cannot be written.
+void writeTrajectory(const metrics::Trajectory& trajectory, const std::string& folder);
+
 /// Whether the session asks for an objective.
 [[nodiscard]] bool wants(const Session& session, Measure measure);
 

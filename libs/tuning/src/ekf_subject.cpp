@@ -5,17 +5,16 @@
 #include "drive_list.hpp"
 #include "filter_replay.hpp"
 #include "kinds.hpp"
+#include "scenario_drive.hpp"
 #include "vestibule/core/errors.hpp"
 #include "vestibule/core/random.hpp"
 #include "vestibule/io/recording.hpp"
 #include "vestibule/metrics/statistics.hpp"
 #include "vestibule/pipeline/time_ordered_queue.hpp"
-#include "vestibule/sim/scenario.hpp"
 
 namespace vestibule::tuning {
 namespace {
 
-constexpr Duration kTick = std::chrono::milliseconds(100);
 /// A window whose last fix is further than this share of its length from its end says nothing of
 /// the end.
 constexpr double kEndShare = 0.1;
@@ -32,13 +31,9 @@ Drive simulated(const DriveSpec& spec, const Folders& folders) {
   Drive drive;
   sim::Scenario scenario = sim::loadScenario(spec.recording->scenario, folders.scenarios);
   scenario.sim.lidar.rate_hz = 0.1;  // nobody looks at it
-  sim::ScenarioRun run(scenario, spec.seed);
-  std::vector<Measurement> measurements;
-  while (!run.finished()) {
-    for (sim::Delivered& d : run.step(kTick)) measurements.push_back(std::move(d.measurement));
-    drive.reference.push_back({run.simulator().time(), run.simulator().truth()});
-  }
-  FilterLog log = makeFilterLog(std::move(measurements));
+  ScenarioDrive driven = driveScenario(scenario, spec.seed);
+  drive.reference = std::move(driven.truth);
+  FilterLog log = makeFilterLog(std::move(driven.measurements));
   log.plane.emplace(scenario.world.datum);
   drive.log = std::make_shared<const FilterLog>(std::move(log));
   drive.rig = scenario.sim.rig;
@@ -203,7 +198,8 @@ class EkfSubject : public Subject {
       const pipeline::Config& config,
       Role role,
       std::size_t index,
-      std::uint64_t seed) const override {
+      std::uint64_t seed,
+      const std::string& folder) const override {
     const Drive& drive = at(role, index);
     const BlockGrid grid{drive.log->first, session_.block_s, drive.blocks};
     const pipeline::Config robot = ofRobot(config, drive);
@@ -226,6 +222,7 @@ class EkfSubject : public Subject {
     }
     if (first == nullptr) first = &pass(0.0);
     if (!outcome.failure.empty()) return outcome;
+    if (!folder.empty()) writeTrajectory(first->trajectory, folder);
     for (const Objective& o : session_.objectives) {
       outcome.objectives.push_back(
           scores(o, o.measure == Measure::kHiddenOutage ? pass(o.length_s) : *first, drive, grid));

@@ -92,18 +92,19 @@ class Engine {
     }
     std::vector<Task> tasks;
     for (const auto& values : fresh) {
-      for (const Case& c : set.cases) tasks.push_back({values, set.role, c});
+      for (const Case& c : set.cases) tasks.push_back({values, set.role, c, {}});
     }
-    const std::vector<Outcome> outcomes = workers_.run(tasks, callbacks_.heartbeat);
-    std::size_t next = 0;
-    for (const auto& values : fresh) {
-      Evaluation e{values, set.cases, {}};
-      for (std::size_t i = 0; i < set.cases.size(); ++i) e.outcomes.push_back(outcomes[next++]);
+    Evaluation e;
+    workers_.run(tasks, callbacks_.heartbeat, [&](std::size_t i, const Outcome& outcome) {
+      if (e.outcomes.empty()) e = {tasks[i].values, set.cases, {}};
+      e.outcomes.push_back(outcome);
+      if (e.outcomes.size() < set.cases.size()) return;
       const Evaluation* defaults = journal_.find(set.name, result_.defaults);
       const double cost =
           defaults == nullptr ? 1.0 : relativeCost(session_.objectives, *defaults, e);
       journal_.append(set.name, e, cost);
-    }
+      e.outcomes.clear();
+    });
     std::vector<Evaluation> all;
     for (const auto& values : candidates) all.push_back(*journal_.find(set.name, values));
     status_.done += candidates.size();

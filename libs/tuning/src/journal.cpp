@@ -11,7 +11,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json toJson(const std::string& set, const Evaluation& e, double cost) {
+Json toJson(const std::string& set, const Evaluation& e, double cost, bool with_cpu) {
   Json line;
   line["set"] = set;
   line["values"] = e.values;
@@ -24,6 +24,7 @@ Json toJson(const std::string& set, const Evaluation& e, double cost) {
     run["drive"] = e.cases[i].drive;
     run["seed"] = e.cases[i].seed;
     run.update(tuning::toJson(e.outcomes[i]));
+    if (with_cpu) run["cpu_s"] = e.outcomes[i].cpu_s;
     runs.push_back(std::move(run));
   }
   return line;
@@ -41,8 +42,8 @@ Evaluation fromJson(const Json& line) {
 
 }  // namespace
 
-Journal::Journal(std::string path, const std::string& fingerprint)
-    : path_(std::move(path)), fingerprint_(fingerprint) {
+Journal::Journal(std::string path, const std::string& fingerprint, bool with_cpu)
+    : path_(std::move(path)), fingerprint_(fingerprint), with_cpu_(with_cpu) {
   if (path_.empty()) return;
   std::error_code ec;
   if (std::filesystem::exists(path_, ec)) read();
@@ -102,7 +103,7 @@ void Journal::append(const std::string& set, const Evaluation& evaluation, doubl
   known_.insert_or_assign({set, evaluation.values}, evaluation);
   if (path_.empty()) return;
   if (!out_.is_open()) open();
-  out_ << toJson(set, evaluation, cost).dump() << "\n" << std::flush;
+  out_ << toJson(set, evaluation, cost, with_cpu_).dump() << "\n" << std::flush;
   if (!out_) throw ConfigError(path_ + ": cannot be written (disk full?)");
 }
 

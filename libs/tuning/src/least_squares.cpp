@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 namespace vestibule::tuning {
 namespace {
@@ -24,12 +25,38 @@ double huberCost(const Eigen::VectorXd& r) {
   return sum;
 }
 
+/// Of every parameter: standard deviation by the scatter of the groups over that of independent
+/// residuals, at least 1.
+Eigen::VectorXd inflations(
+    const Eigen::MatrixXd& J,
+    const Eigen::VectorXd& weighted,
+    const Eigen::VectorXd& prior,
+    const Eigen::MatrixXd& cov,
+    const std::vector<int>& groups) {
+  std::map<int, Eigen::VectorXd> gradients;
+  for (Eigen::Index i = 0; i < J.rows(); ++i) {
+    auto& g = gradients[groups[static_cast<std::size_t>(i)]];
+    if (g.size() == 0) g = Eigen::VectorXd::Zero(J.cols());
+    g += weighted[i] * J.row(i).transpose();
+  }
+  const auto m = static_cast<double>(gradients.size());
+  const auto n = static_cast<double>(J.cols());
+  if (m < n + 1.0) return Eigen::VectorXd::Ones(J.cols());
+  Eigen::MatrixXd B = prior.asDiagonal();
+  for (const auto& entry : gradients) {
+    B += m / (m - n) * entry.second * entry.second.transpose();
+  }
+  const Eigen::MatrixXd sandwich = cov * B * cov;
+  return (sandwich.diagonal().array() / cov.diagonal().array()).max(1.0).sqrt();
+}
+
 }  // namespace
 
 Fit leastSquares(
     const std::function<Eigen::VectorXd(const Eigen::VectorXd&)>& residuals,
     const Eigen::VectorXd& start,
-    const Eigen::VectorXd& prior_sigma) {
+    const Eigen::VectorXd& prior_sigma,
+    const std::vector<int>& groups) {
   const auto n = start.size();
   const Eigen::VectorXd prior = prior_sigma.array().square().inverse();
   const auto cost = [&](const Eigen::VectorXd& p, const Eigen::VectorXd& r) {
@@ -40,8 +67,8 @@ Fit leastSquares(
   double damping = 1e-3;
   Eigen::VectorXd r = residuals(start);
   Eigen::MatrixXd A(n, n);
+  Eigen::MatrixXd J(r.size(), n);
   for (fit.iterations = 0; fit.iterations < kMostIterations; ++fit.iterations) {
-    Eigen::MatrixXd J(r.size(), n);
     for (Eigen::Index k = 0; k < n; ++k) {
       Eigen::VectorXd p = fit.parameters;
       const double h = kDerivative * prior_sigma[k];
@@ -75,6 +102,10 @@ Fit leastSquares(
     if (!moved) break;
   }
   fit.cov = A.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
+  if (groups.empty()) return fit;
+  const Eigen::VectorXd weighted = huberWeights(r).cwiseProduct(r);
+  const Eigen::VectorXd factor = inflations(J, weighted, prior, fit.cov, groups);
+  fit.cov = factor.asDiagonal() * fit.cov * factor.asDiagonal();
   return fit;
 }
 

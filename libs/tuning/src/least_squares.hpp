@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <vector>
 
 namespace vestibule::tuning {
 
@@ -17,9 +18,14 @@ struct Fit {
 ///
 /// \param residuals    whitened: of unit size where the model is right
 /// \param prior_sigma  of each parameter about its start
+/// \param groups       group of each residual, for the covariance: residuals of one group may be
+///                     correlated in any way, those of different groups are taken for independent
+///                     (the "sandwich" of Liang and Zeger 1986). It never gets smaller by it.
+///                     Empty: every residual is independent
 [[nodiscard]] Fit leastSquares(
     const std::function<Eigen::VectorXd(const Eigen::VectorXd&)>& residuals,
     const Eigen::VectorXd& start,
-    const Eigen::VectorXd& prior_sigma);
+    const Eigen::VectorXd& prior_sigma,
+    const std::vector<int>& groups = {});
 
 }  // namespace vestibule::tuning

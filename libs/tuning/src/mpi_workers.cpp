@@ -71,6 +71,7 @@ std::string packed(std::uint64_t number, const Task& task) {
   json["role"] = static_cast<int>(task.role);
   json["drive"] = task.run.drive;
   json["seed"] = task.run.seed;
+  json["folder"] = task.folder;
   return json.dump();
 }
 
@@ -165,14 +166,16 @@ MpiWorkers::~MpiWorkers() {
   }
 }
 
-std::vector<Outcome> MpiWorkers::run(const std::vector<Task>& tasks, const Heartbeat& heartbeat) {
+std::vector<Outcome> MpiWorkers::run(
+    const std::vector<Task>& tasks, const Heartbeat& heartbeat, const Done& done) {
   std::deque<std::size_t> waiting;
   for (std::size_t i = 0; i < tasks.size(); ++i) waiting.push_back(i);
   std::vector<std::optional<Outcome>> outcomes(tasks.size());
   // Rank 0 works as well, in a thread that knows nothing of MPI.
   std::future<Outcome> own;
   std::size_t own_task = 0;
-  while (std::any_of(outcomes.begin(), outcomes.end(), [](const auto& o) { return !o; })) {
+  std::size_t told = 0;
+  while (told < tasks.size()) {
     while (impl_->collect(outcomes)) {
     }
     for (Other& other : impl_->others) {
@@ -195,7 +198,8 @@ std::vector<Outcome> MpiWorkers::run(const std::vector<Task>& tasks, const Heart
           std::launch::async, [this, &task = tasks[own_task]] { return impl_->runner.run(task); });
     }
     heartbeat();
-    std::this_thread::sleep_for(kPoll);
+    for (; told < tasks.size() && outcomes[told]; ++told) done(told, *outcomes[told]);
+    if (told < tasks.size()) std::this_thread::sleep_for(kPoll);
   }
   std::vector<Outcome> result;
   for (auto& outcome : outcomes) result.push_back(std::move(*outcome));
@@ -229,7 +233,10 @@ void serveTasks(const TaskRunner& runner, const MpiWorld& world) {
     task.values = json.at("values").get<std::vector<double>>();
     task.role = static_cast<Role>(json.at("role").get<int>());
     task.run = {json.at("drive").get<std::size_t>(), json.at("seed").get<std::uint64_t>()};
-    auto answer = toJson(runner.run(task));
+    task.folder = json.at("folder").get<std::string>();
+    const Outcome outcome = runner.run(task);
+    auto answer = toJson(outcome);
+    answer["cpu_s"] = outcome.cpu_s;
     answer["number"] = json.at("number");
     send(0, kResult, answer.dump());
   }

@@ -19,6 +19,7 @@ nlohmann::ordered_json toJson(const Outcome& outcome) {
 Outcome outcomeFrom(const nlohmann::ordered_json& json) {
   Outcome outcome;
   outcome.failure = json.value("failure", "");
+  outcome.cpu_s = json.value("cpu_s", 0.0);
   for (const auto& list : json.at("scores")) {
     std::vector<Score> scores;
     for (const auto& s : list) {

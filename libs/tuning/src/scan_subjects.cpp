@@ -4,6 +4,7 @@
 
 #include "drive_list.hpp"
 #include "kinds.hpp"
+#include "scenario_drive.hpp"
 #include "vestibule/core/errors.hpp"
 #include "vestibule/io/map_io.hpp"
 #include "vestibule/io/recording_info.hpp"
@@ -16,7 +17,11 @@ namespace {
 
 struct Drive {
   DriveSpec spec;
-  std::shared_ptr<const grid::OccupancyMap> map;  ///< amcl
+  std::string log;
+  std::shared_ptr<const TemporaryRecording> simulated;  ///< what `log` names, of a scenario
+  std::optional<SensorRig> rig;                         ///< of a simulated robot
+  std::optional<Pose2> init;                            ///< amcl; empty = unknown
+  std::shared_ptr<const grid::OccupancyMap> map;        ///< amcl
   metrics::Trajectory reference;
   std::vector<metrics::Relation> relations;
   Timestamp first;
@@ -36,6 +41,18 @@ std::vector<Score> relationScores(
     if (errors.matched > 0) scores.push_back({block, errors.translation_m.mean});
   }
   return scores;
+}
+
+/// A map has no place of its own: its trajectory is moved to where it is nearest to the reference.
+metrics::Trajectory laidOn(
+    const metrics::Trajectory& reference, const metrics::Trajectory& estimate) {
+  metrics::AssociationOptions association;
+  association.matching = metrics::Matching::kInterpolated;
+  association.max_dt = std::chrono::seconds(2);
+  const Pose2 T = metrics::alignSe2(metrics::associate(estimate, reference, association));
+  metrics::Trajectory moved = estimate;
+  for (metrics::TimedPose& p : moved) p.pose = compose(T, p.pose);
+  return moved;
 }
 
 /// What localization and mapping have in common: runs on a file, random, with a trajectory.
@@ -66,10 +83,15 @@ class ScanSubject : public Subject {
       const pipeline::Config& config,
       Role role,
       std::size_t index,
-      std::uint64_t seed) const override {
+      std::uint64_t seed,
+      const std::string& folder) const override {
     const Drive& drive = at(role, index);
-    const Product product = produced(config, drive, seed);
+    const Product product = produced(ofRobot(config, drive), drive, seed);
     Outcome outcome;
+    if (!folder.empty()) {
+      writeTrajectory(product.trajectory, folder);
+      if (product.map) io::saveMapServer(*product.map, folder + "/map.yaml", folder + "/map.pgm");
+    }
     for (const Objective& o : session_.objectives) {
       outcome.objectives.push_back(scores(o, product, drive));
     }
@@ -79,7 +101,8 @@ class ScanSubject : public Subject {
   [[nodiscard]] Paths paths(
       const pipeline::Config& config, Role role, std::size_t index) const override {
     const Drive& drive = at(role, index);
-    return {produced(config, drive, session_.seeds.first).trajectory, drive.reference};
+    return {
+        produced(ofRobot(config, drive), drive, session_.seeds.first).trajectory, drive.reference};
   }
 
  protected:
@@ -94,7 +117,8 @@ class ScanSubject : public Subject {
   /// What a run leaves to be scored.
   struct Product {
     metrics::Trajectory trajectory;
-    double held_out_log_likelihood = 0.0;  ///< per beam; of maps
+    mapping::MapQuality quality;            ///< of mapping
+    std::optional<grid::OccupancyMap> map;  ///< of mapping
   };
   /// Alone in its thread: candidates run side by side.
   [[nodiscard]] virtual Product produced(
@@ -103,6 +127,12 @@ class ScanSubject : public Subject {
   const Session& session_;
 
  private:
+  static pipeline::Config ofRobot(const pipeline::Config& config, const Drive& drive) {
+    pipeline::Config result = config;
+    if (drive.rig) result.rig = *drive.rig;
+    return result;
+  }
+
   std::vector<Score> scores(const Objective& o, const Product& product, const Drive& drive) const {
     const BlockGrid grid{drive.first, session_.block_s, drive.spec.recording->blocks};
     switch (o.measure) {
@@ -113,24 +143,52 @@ class ScanSubject : public Subject {
       case Measure::kRelations:
         return relationScores(product.trajectory, drive, grid);
       case Measure::kScanLikelihood:
-        return {{kWholeRun, -product.held_out_log_likelihood}};
+        return {{kWholeRun, -product.quality.held_out_log_likelihood}};
+      case Measure::kWallThickness:
+        return {{kWholeRun, product.quality.wall_thickness_m}};
       default:
         return {};
     }
+  }
+
+  /// What the session does not give comes with the scenario: recording, reference, the map and the
+  /// start as the estimators are told them.
+  void simulate(Drive& drive, const Folders& folders) const {
+    const RecordingSpec& r = *drive.spec.recording;
+    const sim::Scenario scenario = sim::loadScenario(r.scenario, folders.scenarios);
+    ScenarioDrive driven = driveScenario(scenario, drive.spec.seed);
+    drive.simulated = std::make_shared<const TemporaryRecording>(driven.measurements);
+    drive.log = drive.simulated->path();
+    drive.rig = scenario.sim.rig;
+    if (r.ref.empty()) drive.reference = std::move(driven.truth);
+    if (session_.subject != SubjectKind::kAmcl) return;
+    if (!drive.init) drive.init = sim::startAsTold(scenario);
+    if (drive.map) return;
+    const auto site = sim::siteAsTold(scenario);
+    if (!site || site->indoor_maps.size() != 1) {
+      throw InputError(r.scenario + ": gives no map, or several; give map: in " + r.where.text());
+    }
+    const geo::IndoorMap& map = site->indoor_maps.front();
+    drive.map = std::make_shared<const grid::OccupancyMap>(
+        io::loadMap(map.yaml_path).movedBy(map.T_map_grid));
   }
 
   Drive load(const DriveSpec& spec, const Folders& folders) const {
     Drive drive;
     drive.spec = spec;
     const RecordingSpec& r = *spec.recording;
-    const auto info = io::inspectRecording(r.log, recordingOptions(session_.base));
+    drive.log = r.log;
+    drive.init = r.init;
+    drive.reference = referenceOf(r, session_.base.rig, folders);
+    if (!r.map.empty()) drive.map = std::make_shared<const grid::OccupancyMap>(io::loadMap(r.map));
+    if (!r.scenario.empty()) simulate(drive, folders);
+    const auto info =
+        io::inspectRecording(drive.log, recordingOptions(ofRobot(session_.base, drive)));
     if (!info.first || !info.last) {
-      throw InputError(r.log + ": nothing with a stamp in it (see vestibule info)");
+      throw InputError(drive.log + ": nothing with a stamp in it (see vestibule info)");
     }
     drive.first = *info.first;
     drive.last = *info.last;
-    if (!r.map.empty()) drive.map = std::make_shared<const grid::OccupancyMap>(io::loadMap(r.map));
-    drive.reference = referenceOf(r, session_.base.rig, folders);
     if (!r.relations.empty()) {
       std::ifstream in(r.relations);
       drive.relations = metrics::parseRelations(in, r.relations);
@@ -159,14 +217,14 @@ class AmclSubject : public ScanSubject {
     seeded.seed = seed;
     seeded.amcl.threads = 1;
     auto result = pipeline::localize(
-        drive.spec.recording->log,
+        drive.log,
         recordingOptions(config),
         drive.map,
-        drive.spec.recording->init,
+        drive.init,
         seeded,
         Observers{},
         [](double, double) {});
-    return {std::move(result.trajectory), 0.0};
+    return {std::move(result.trajectory), {}, {}};
   }
 };
 
@@ -181,14 +239,12 @@ class MappingSubject : public ScanSubject {
     seeded.seed = seed;
     seeded.mapping.filter.threads = 1;
     seeded.mapping.finish.threads = 1;
+    // Every candidate by the same measure: a wider one would flatter its own map.
+    pipeline::MapDriveOptions options;
+    options.judge = session_.base.mapping.filter.matcher;
     auto result = pipeline::mapDrive(
-        drive.spec.recording->log,
-        recordingOptions(config),
-        {},
-        seeded,
-        Observers{},
-        [](double, double) {});
-    return {std::move(result.trajectory), result.quality.held_out_log_likelihood};
+        drive.log, recordingOptions(config), options, seeded, Observers{}, [](double, double) {});
+    return {laidOn(drive.reference, result.trajectory), result.quality, std::move(result.map)};
   }
 };
 

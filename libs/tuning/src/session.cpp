@@ -6,7 +6,7 @@
 #include <set>
 #include <sstream>
 
-#include "vestibule/core/errors.hpp"
+#include "session_parts.hpp"
 #include "vestibule/sim/scenario.hpp"
 #include "vestibule/tuning/parameter_tree.hpp"
 #include "vestibule/tuning/search_space.hpp"
@@ -25,58 +25,21 @@ const std::vector<std::pair<std::string_view, Measure>> kMeasures = {
     {"nees", Measure::kNees},
     {"nis", Measure::kNis},
     {"relations", Measure::kRelations},
-    {"scan_likelihood", Measure::kScanLikelihood}};
-
-const std::vector<std::pair<std::string_view, SubjectKind>> kSubjects = {
-    {"ekf", SubjectKind::kEkf}, {"amcl", SubjectKind::kAmcl}, {"mapping", SubjectKind::kMapping}};
-
-/// What is found out after reading, with the lines remembered from it.
-class Problems {
- public:
-  explicit Problems(std::string file) : file_(std::move(file)) {}
-  void add(const SourceRef& where, const std::string& key, const std::string& text) {
-    lines_.emplace_back(where.line, (key.empty() ? "" : key + ": ") + text);
-  }
-  /// What reading itself complained of: lines "file:line: ...".
-  void add(const ConfigError& e) {
-    std::istringstream text(e.what());
-    for (std::string line; std::getline(text, line);) {
-      const std::size_t colon = line.find(": ");
-      const std::size_t at = line.rfind(':', colon == std::string::npos ? colon : colon - 1);
-      const bool whole = colon != std::string::npos && at != std::string::npos;
-      lines_.emplace_back(
-          whole ? std::atoi(line.c_str() + at + 1) : 1, whole ? line.substr(colon + 2) : line);
-    }
-  }
-  /// Throws them all, in the order of the file.
-  void raise() {
-    if (lines_.empty()) return;
-    std::stable_sort(lines_.begin(), lines_.end(), [](const auto& a, const auto& b) {
-      return a.first < b.first;
-    });
-    std::string text;
-    for (const auto& [line, problem] : lines_) {
-      text += (text.empty() ? "" : "\n") + file_ + ":" + std::to_string(std::max(1, line)) + ": " +
-              problem;
-    }
-    throw ConfigError(text);
-  }
-
- private:
-  std::string file_;
-  std::vector<std::pair<int, std::string>> lines_;
-};
+    {"scan_likelihood", Measure::kScanLikelihood},
+    {"wall_thickness", Measure::kWallThickness}};
 
 /// What a run of the subject can be measured by.
 bool measurable(SubjectKind subject, Measure measure) {
   switch (subject) {
     case SubjectKind::kEkf:
-      return measure != Measure::kRelations && measure != Measure::kScanLikelihood;
+      return measure != Measure::kRelations && measure != Measure::kScanLikelihood &&
+             measure != Measure::kWallThickness;
     case SubjectKind::kAmcl:
       return measure == Measure::kApe || measure == Measure::kRpe || measure == Measure::kRelations;
     case SubjectKind::kMapping:
       return measure == Measure::kApe || measure == Measure::kRpe ||
-             measure == Measure::kRelations || measure == Measure::kScanLikelihood;
+             measure == Measure::kRelations || measure == Measure::kScanLikelihood ||
+             measure == Measure::kWallThickness;
   }
   return false;
 }
@@ -85,16 +48,6 @@ bool measurable(SubjectKind subject, Measure measure) {
 std::string resolved(const ParamIo& io, const std::string& path) {
   if (path.empty() || fs::path(path).is_absolute()) return path;
   return (fs::path(io.here().file).parent_path() / path).lexically_normal().string();
-}
-
-void requireFile(ParamIo& io, const char* key, std::string& path) {
-  io.optional(key, path);
-  if (io.writing() || path.empty()) return;
-  path = resolved(io, path);
-  std::error_code ec;
-  if (!fs::is_regular_file(path, ec)) {
-    io.problem(key, "no such file: " + path + " (paths are relative to the session file)");
-  }
 }
 
 /// Two entries that look at the same seconds of the same drive.
@@ -146,22 +99,6 @@ void checkParameters(Problems& problems, const Session& session) {
   }
 }
 
-void checkObjectives(Problems& problems, const Session& session) {
-  for (const Objective& o : session.objectives) {
-    const std::string name(toString(o.measure));
-    if (!measurable(session.subject, o.measure)) {
-      problems.add(
-          o.where,
-          "objectives",
-          name + " cannot be measured of " + std::string(toString(session.subject)) +
-              " (docs/tuning.md lists which can)");
-    }
-    if (o.measure == Measure::kHiddenOutage && o.length_s > session.block_s) {
-      problems.add(o.where, "objectives", "length_s must fit into block_s");
-    }
-  }
-}
-
 /// The same seconds in two sets would make a gain look real that is not.
 void checkOverlaps(Problems& problems, const Session& session) {
   const auto compare = [&](Role role, Role earlier) {
@@ -182,8 +119,69 @@ void checkOverlaps(Problems& problems, const Session& session) {
   compare(Role::kFinal, Role::kValidation);
 }
 
-/// What each kind of run needs beside its recording.
-void checkRecordings(Problems& problems, const Session& session) {
+}  // namespace
+
+const std::vector<std::pair<std::string_view, SubjectKind>> kSubjects = {
+    {"ekf", SubjectKind::kEkf}, {"amcl", SubjectKind::kAmcl}, {"mapping", SubjectKind::kMapping}};
+
+void Problems::add(const SourceRef& where, const std::string& key, const std::string& text) {
+  lines_.emplace_back(where.line, (key.empty() ? "" : key + ": ") + text);
+}
+
+void Problems::add(const ConfigError& e) {
+  std::istringstream text(e.what());
+  for (std::string line; std::getline(text, line);) {
+    const std::size_t colon = line.find(": ");
+    const std::size_t at = line.rfind(':', colon == std::string::npos ? colon : colon - 1);
+    const bool whole = colon != std::string::npos && at != std::string::npos;
+    lines_.emplace_back(
+        whole ? std::atoi(line.c_str() + at + 1) : 1, whole ? line.substr(colon + 2) : line);
+  }
+}
+
+void Problems::raise() {
+  if (lines_.empty()) return;
+  std::stable_sort(
+      lines_.begin(), lines_.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::string text;
+  for (const auto& [line, problem] : lines_) {
+    text += (text.empty() ? "" : "\n") + file_ + ":" + std::to_string(std::max(1, line)) + ": " +
+            problem;
+  }
+  throw ConfigError(text);
+}
+
+void requireFile(ParamIo& io, const char* key, std::string& path) {
+  io.optional(key, path);
+  if (io.writing() || path.empty()) return;
+  path = resolved(io, path);
+  std::error_code ec;
+  if (!fs::is_regular_file(path, ec)) {
+    io.problem(key, "no such file: " + path + " (paths are relative to the session file)");
+  }
+}
+
+void checkObjectives(Problems& problems, const Session& session) {
+  for (const Objective& o : session.objectives) {
+    const std::string name(toString(o.measure));
+    if (!measurable(session.subject, o.measure)) {
+      problems.add(
+          o.where,
+          "objectives",
+          name + " cannot be measured of " + std::string(toString(session.subject)) +
+              " (docs/tuning.md lists which can)");
+    }
+    if (o.measure == Measure::kHiddenOutage && o.length_s > session.block_s) {
+      problems.add(o.where, "objectives", "length_s must fit into block_s");
+    }
+  }
+}
+
+void checkRecordings(
+    Problems& problems,
+    const Session& session,
+    const std::string& scenario_folder,
+    const std::string& prefix) {
   const auto wants = [&session](Measure m) {
     return std::any_of(session.objectives.begin(), session.objectives.end(), [m](const auto& o) {
       return o.measure == m;
@@ -191,28 +189,34 @@ void checkRecordings(Problems& problems, const Session& session) {
   };
   for (const Role role : kRoles) {
     for (const RecordingSpec& r : session.recordings.of(role)) {
-      const std::string key = "recordings." + std::string(toString(role));
-      const auto problem = [&](const std::string& text) { problems.add(r.where, key, text); };
-      if (session.subject == SubjectKind::kAmcl && r.map.empty()) problem("amcl needs a map");
-      if (session.subject != SubjectKind::kEkf && !r.scenario.empty()) {
-        problem("simulated drives are for ekf; record one with 'vestibule sim' and give its log");
+      const auto problem = [&](const std::string& text) {
+        problems.add(
+            r.where, prefix.back() == '.' ? prefix + std::string(toString(role)) : prefix, text);
+      };
+      if (session.subject == SubjectKind::kAmcl && r.map.empty() && r.scenario.empty()) {
+        problem("amcl needs a map");
       }
       if (wants(Measure::kRelations) && r.relations.empty()) problem("needs a relations file");
+      if (r.scenario.empty()) continue;
+      try {
+        (void)sim::loadScenario(r.scenario, scenario_folder);
+      } catch (const ConfigError& e) {
+        problem(e.what());
+      }
     }
   }
 }
 
-/// The base configuration; a problem of it is one of the session.
-pipeline::Config baseConfig(ParamIo& io, const std::string& path) {
+pipeline::Config baseConfig(ParamIo& io, const char* key, const std::string& path) {
+  std::error_code ec;
+  if (!path.empty() && !fs::is_regular_file(path, ec)) return {};  // complained of already
   try {
     return pipeline::loadConfig(path);
   } catch (const ConfigError& e) {
-    io.problem("config", e.what());
+    io.problem(key, e.what());
     return {};
   }
 }
-
-}  // namespace
 
 static void describe(ParamIo& io, TunedParameter& p) {
   io.required("name", p.name);
@@ -233,7 +237,7 @@ static void describe(ParamIo& io, TunedParameter& p) {
   }
 }
 
-static void describe(ParamIo& io, RecordingSpec& r) {
+void describe(ParamIo& io, RecordingSpec& r) {
   requireFile(io, "log", r.log);
   io.optional("scenario", r.scenario);
   io.optional("first_seed", r.first_seed);
@@ -260,7 +264,7 @@ static void describe(ParamIo& io, Recordings& r) {
   }
 }
 
-static void describe(ParamIo& io, Objective& o) {
+void describe(ParamIo& io, Objective& o) {
   io.optional<Measure>("measure", o.measure, kMeasures);
   io.optional("weight", o.weight, positive());
   io.optional("length_s", o.length_s, positive());
@@ -270,7 +274,7 @@ static void describe(ParamIo& io, Objective& o) {
   if (!io.has("measure")) io.problem("", "needs a measure");
 }
 
-static void describe(ParamIo& io, Seeds& s) {
+void describe(ParamIo& io, Seeds& s) {
   io.optional("first", s.first);
   io.optional("count", s.count, within(1, 1000));
   io.optional("fresh", s.fresh, within(1, 1000));
@@ -363,10 +367,7 @@ void describe(ParamIo& io, Session& session) {
   if (!io.has("recordings")) io.problem("recordings", "missing (required)");
   if (session.parameters.empty()) io.problem("parameters", "needs at least one");
   if (session.objectives.empty()) io.problem("objectives", "needs at least one");
-  std::error_code ec;
-  if (session.config_path.empty() || fs::is_regular_file(session.config_path, ec)) {
-    session.base = baseConfig(io, session.config_path);
-  }
+  session.base = baseConfig(io, "config", session.config_path);
 }
 
 namespace {
@@ -378,18 +379,8 @@ Session finished(ParamFile file, const std::string& name, const std::string& sce
   Problems problems(name);
   checkParameters(problems, session);
   checkObjectives(problems, session);
-  checkRecordings(problems, session);
+  checkRecordings(problems, session, scenario_folder, "recordings.");
   checkOverlaps(problems, session);
-  for (const Role role : kRoles) {
-    for (const RecordingSpec& r : session.recordings.of(role)) {
-      if (r.scenario.empty()) continue;
-      try {
-        (void)sim::loadScenario(r.scenario, scenario_folder);
-      } catch (const ConfigError& e) {
-        problems.add(r.where, "recordings." + std::string(toString(role)), e.what());
-      }
-    }
-  }
   try {
     file.finishReading();
   } catch (const ConfigError& e) {

@@ -2,12 +2,19 @@
 
 #include <time.h>
 
+#include <algorithm>
+#include <chrono>
+#include <condition_variable>
 #include <exception>
-
-#include "vestibule/core/parallel.hpp"
+#include <mutex>
+#include <optional>
+#include <thread>
 
 namespace vestibule::tuning {
 namespace {
+
+/// The heart beats so often while nothing gets done.
+constexpr auto kHeartbeatEvery = std::chrono::milliseconds(100);
 
 /// Of this thread.
 double cpuSeconds() {
@@ -16,25 +23,81 @@ double cpuSeconds() {
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
+/// Threads that take one task after the other. No new one is begun once this goes.
+class Crew {
+ public:
+  Crew(const TaskRunner& runner, const std::vector<Task>& tasks, std::size_t threads)
+      : runner_(runner), tasks_(tasks), outcomes_(tasks.size()) {
+    for (std::size_t t = 0; t < std::min(threads, tasks.size()); ++t) {
+      threads_.emplace_back([this] { work(); });
+    }
+  }
+  Crew(const Crew&) = delete;
+  Crew& operator=(const Crew&) = delete;
+  ~Crew() {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      next_ = tasks_.size();
+    }
+    for (std::thread& thread : threads_) thread.join();
+  }
+
+  /// Waits for an outcome, but not for long.
+  [[nodiscard]] std::optional<Outcome> await(std::size_t i) {
+    std::unique_lock<std::mutex> lock(mutex_);
+    changed_.wait_for(lock, kHeartbeatEvery, [&] { return outcomes_[i].has_value(); });
+    return outcomes_[i];
+  }
+
+ private:
+  void work() {
+    std::unique_lock<std::mutex> lock(mutex_);
+    while (next_ < tasks_.size()) {
+      const std::size_t i = next_++;
+      lock.unlock();
+      Outcome outcome = runner_.run(tasks_[i]);
+      lock.lock();
+      outcomes_[i] = std::move(outcome);
+      changed_.notify_one();
+    }
+  }
+
+  const TaskRunner& runner_;
+  const std::vector<Task>& tasks_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::vector<std::optional<Outcome>> outcomes_;
+  std::size_t next_ = 0;
+  std::vector<std::thread> threads_;
+};
+
 }  // namespace
+
+ConfigOf configOfCandidate(const Session& session, const SearchSpace& space) {
+  return [&session, &space](const std::vector<double>& values) {
+    return withValues(session.base, space.named(values));
+  };
+}
 
 Outcome TaskRunner::run(const Task& task) const {
   Outcome outcome;
   const double before_s = cpuSeconds();
   double data_s = 0.0;
   try {
-    const pipeline::Config config = withValues(session_.base, space_.named(task.values));
-    outcome = subject_.run(config, task.role, task.run.drive, task.run.seed);
+    outcome = subject_.run(
+        config_of_(task.values), task.role, task.run.drive, task.run.seed, task.folder);
     data_s = subject_.seconds(task.role, task.run.drive);
   } catch (const std::exception& e) {
     outcome.failure = e.what();
     return outcome;
   }
-  const double limit = session_.limits.cpu_ms_per_data_s;
-  const double used = 1e3 * (cpuSeconds() - before_s) / std::max(data_s, 1e-3);
-  if (outcome.failure.empty() && limit > 0.0 && used > limit) {
+  outcome.cpu_s = cpuSeconds() - before_s;
+  const double used = 1e3 * outcome.cpu_s / std::max(data_s, 1e-3);
+  if (outcome.failure.empty() && limits_.cpu_ms_per_data_s > 0.0 &&
+      used > limits_.cpu_ms_per_data_s) {
     outcome.failure = "needs " + shortNumber(used) +
-                      " ms of CPU per second of data, the limit is " + shortNumber(limit);
+                      " ms of CPU per second of data, the limit is " +
+                      shortNumber(limits_.cpu_ms_per_data_s);
   }
   return outcome;
 }
@@ -43,15 +106,15 @@ ThreadWorkers::ThreadWorkers(const TaskRunner& runner, std::size_t threads)
     : runner_(runner), threads_(threads) {}
 
 std::vector<Outcome> ThreadWorkers::run(
-    const std::vector<Task>& tasks, const Heartbeat& heartbeat) {
-  std::vector<Outcome> outcomes(tasks.size());
-  // In portions, so that the heart beats between them.
-  const std::size_t portion = threads_ * 4;
-  for (std::size_t from = 0; from < tasks.size(); from += portion) {
-    const std::size_t n = std::min(portion, tasks.size() - from);
-    parallelFor(
-        n, threads_, [&](std::size_t i) { outcomes[from + i] = runner_.run(tasks[from + i]); });
+    const std::vector<Task>& tasks, const Heartbeat& heartbeat, const Done& done) {
+  std::vector<Outcome> outcomes;
+  Crew crew(runner_, tasks, threads_);
+  while (outcomes.size() < tasks.size()) {
+    auto outcome = crew.await(outcomes.size());
     heartbeat();
+    if (!outcome) continue;
+    outcomes.push_back(std::move(*outcome));
+    done(outcomes.size() - 1, outcomes.back());
   }
   return outcomes;
 }

@@ -70,7 +70,8 @@ TEST(CalibrateOdometry, RecoversKnownWheels) {
   EXPECT_NEAR(c.wheels.icr_left_m, kGeometry.icr_left_m, 0.01);
   EXPECT_NEAR(c.wheels.icr_right_m, kGeometry.icr_right_m, 0.01);
   EXPECT_NEAR(c.wheels.icr_x_m, kGeometry.icr_x_m, 0.01);
-  EXPECT_LT(c.residual_after, 0.1 * c.residual_before);
+  ASSERT_EQ(c.residuals.size(), 1U);
+  EXPECT_LT(c.residuals[0].rmsAfter(), 0.1 * c.residuals[0].rmsBefore());
   for (const Quantity& q : c.quantities) EXPECT_EQ(q.unobserved, "") << q.name;
   ASSERT_TRUE(c.quick_scale && c.quick_track_m);
   EXPECT_NEAR(*c.quick_scale, 0.98, 0.01);

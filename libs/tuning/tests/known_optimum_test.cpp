@@ -81,7 +81,11 @@ class DriveSubject : public Subject {
   [[nodiscard]] double seconds(Role, std::size_t) const override { return 300.0; }
   [[nodiscard]] bool random() const override { return false; }
   [[nodiscard]] Outcome run(
-      const pipeline::Config& config, Role role, std::size_t drive, std::uint64_t) const override {
+      const pipeline::Config& config,
+      Role role,
+      std::size_t drive,
+      std::uint64_t,
+      const std::string&) const override {
     const FilterLog& log = logs_[static_cast<int>(role)][drive];
     FilterReplay replay(config, log);
     std::vector<double> sums(10, 0.0);
@@ -143,7 +147,7 @@ TEST(KnownOptimum, FourParametersWrongByTenAreFoundAgain) {
   session.search.slices = false;
   const SearchSpace space(session.parameters, ParameterTree(session.base));
   const DriveSubject subject;
-  const TaskRunner runner(session, space, subject);
+  const TaskRunner runner(configOfCandidate(session, space), subject, session.limits);
   ThreadWorkers workers(runner, 2);
   Journal journal("", "");
   const TuningResult r = tune(session, space, subject, workers, journal, {});

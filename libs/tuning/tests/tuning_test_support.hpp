@@ -30,7 +30,8 @@ class FormulaSubject : public Subject {
       const pipeline::Config& config,
       Role role,
       std::size_t drive,
-      std::uint64_t seed) const override {
+      std::uint64_t seed,
+      const std::string&) const override {
     const double gyro = config.ekf.gyro.noise_rad_sqrt_s;
     const double wheels = config.ekf.wheels.distance_sigma_sqrt_m;
     Outcome outcome;
@@ -82,7 +83,7 @@ inline TuningResult tuned(
     const std::string& journal_path = "",
     const Callbacks& callbacks = {}) {
   const SearchSpace space(session.parameters, ParameterTree(session.base));
-  const TaskRunner runner(session, space, subject);
+  const TaskRunner runner(configOfCandidate(session, space), subject, session.limits);
   ThreadWorkers workers(runner, threads);
   Journal journal(journal_path, fingerprintOf(session));
   return tune(session, space, subject, workers, journal, callbacks);

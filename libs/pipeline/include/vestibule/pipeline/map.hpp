@@ -47,6 +47,9 @@ struct MapDriveOptions {
   std::optional<Pose2> T_map_base_init;
   bool georeference = false;
   bool finish = false;  ///< close loops and refine all poses when the drive is over
+  /// By what the map is judged; empty = by the filter's own matcher. Maps of different matchers are
+  /// compared by one.
+  std::optional<mapping::MatcherParams> judge;
   /// Called every so many scans with the map so far; 0 = never.
   std::size_t preview_scans = 0;
   std::function<void(const grid::OccupancyMap&, const metrics::Trajectory&)> preview;

@@ -24,14 +24,20 @@ struct Quantity {
   std::string unobserved;
 };
 
+/// What a fit left, stretch by stretch: (time [s], size).
+struct Residuals {
+  std::string of;  ///< "antenna", ...
+  std::string unit;
+  std::vector<std::pair<double, double>> before;
+  std::vector<std::pair<double, double>> after;
+  /// Root mean squares.
+  [[nodiscard]] double rmsBefore() const;
+  [[nodiscard]] double rmsAfter() const;
+};
+
 struct Calibration {
   std::vector<Quantity> quantities;
-  std::string residual_unit;
-  double residual_before = 0.0;  ///< RMS
-  double residual_after = 0.0;
-  /// (time [s], residual) of each segment or window.
-  std::vector<std::pair<double, double>> residuals_before;
-  std::vector<std::pair<double, double>> residuals_after;
+  std::vector<Residuals> residuals;
   std::vector<std::string> notes;
 
   [[nodiscard]] const Quantity* find(const std::string& name) const;

@@ -16,9 +16,10 @@ class Journal {
  public:
   /// \param path         empty: nothing is kept
   /// \param fingerprint  of the session; its first line
+  /// \param with_cpu     keeps the runs' CPU time, which differs from time to time
   /// Throws ConfigError when the file belongs to another session. A last line that was cut off is
   /// dropped. The file is made with the first evaluation.
-  Journal(std::string path, const std::string& fingerprint);
+  Journal(std::string path, const std::string& fingerprint, bool with_cpu = false);
 
   /// What is known of a candidate on a set of runs.
   [[nodiscard]] const Evaluation* find(
@@ -34,6 +35,7 @@ class Journal {
 
   std::string path_;
   std::string fingerprint_;
+  bool with_cpu_;
   std::ofstream out_;
   std::map<std::pair<std::string, std::vector<double>>, Evaluation> known_;
   std::size_t resumed_ = 0;

@@ -40,8 +40,8 @@ class MpiWorkers : public Workers {
   MpiWorkers(const TaskRunner& runner, MpiWorld& world);
   /// Tells the other ranks to end.
   ~MpiWorkers() override;
-  [[nodiscard]] std::vector<Outcome> run(
-      const std::vector<Task>& tasks, const Heartbeat& heartbeat) override;
+  std::vector<Outcome> run(
+      const std::vector<Task>& tasks, const Heartbeat& heartbeat, const Done& done) override;
   [[nodiscard]] std::string text() const override;
 
  private:

@@ -18,15 +18,16 @@ enum class SubjectKind { kEkf, kAmcl, kMapping };
 
 /// What is measured of a run. Each gives one number per block of the recording.
 enum class Measure {
-  kInnovation,     ///< minus log likelihood of the innovations, per degree of freedom; no truth
-  kHiddenOutage,   ///< [m] end of a window without GNSS, against the hidden fix
-  kApe,            ///< [m] position against the reference
-  kRpe,            ///< [m] relative position over rpe_s, against the reference
-  kOdometryRpe,    ///< the same of T_odom_base
-  kNees,           ///< consistency with the reference: |ln(mean NEES / dof)|
-  kNis,            ///< consistency of the innovations: |ln(mean NIS / dof)|
-  kRelations,      ///< [m] relations metric
-  kScanLikelihood  ///< minus log likelihood per beam of scans that are not in the map
+  kInnovation,      ///< minus log likelihood of the innovations, per degree of freedom; no truth
+  kHiddenOutage,    ///< [m] end of a window without GNSS, against the hidden fix
+  kApe,             ///< [m] position against the reference
+  kRpe,             ///< [m] relative position over rpe_s, against the reference
+  kOdometryRpe,     ///< the same of T_odom_base
+  kNees,            ///< consistency with the reference: |ln(mean NEES / dof)|
+  kNis,             ///< consistency of the innovations: |ln(mean NIS / dof)|
+  kRelations,       ///< [m] relations metric
+  kScanLikelihood,  ///< minus log likelihood per beam of scans that are not in the map
+  kWallThickness  ///< [m] area of the map's walls over half their outline: doubled walls are thick
 };
 [[nodiscard]] std::string_view toString(Measure measure);
 [[nodiscard]] std::string_view toString(SubjectKind kind);

@@ -21,6 +21,7 @@ inline constexpr int kWholeRun = -1;
 struct Outcome {
   std::vector<std::vector<Score>> objectives;  ///< in the order of the session
   std::string failure;  ///< why the run counts as failed; empty = it does not
+  double cpu_s = 0.0;   ///< [s] of the machine that ran it; nothing else depends on it
 };
 
 /// What is tuned: runs that depend on a configuration. A run may be asked for from any thread and
@@ -39,8 +40,13 @@ class Subject {
   [[nodiscard]] virtual double seconds(Role role, std::size_t drive) const = 0;
   /// Whether the seed changes the outcome.
   [[nodiscard]] virtual bool random() const = 0;
+  /// \param folder  where the run leaves its trajectory and map; empty = nowhere
   [[nodiscard]] virtual Outcome run(
-      const pipeline::Config& config, Role role, std::size_t drive, std::uint64_t seed) const = 0;
+      const pipeline::Config& config,
+      Role role,
+      std::size_t drive,
+      std::uint64_t seed,
+      const std::string& folder) const = 0;
 
   /// For the report; may be empty.
   struct Paths {

@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "vestibule/tuning/scoring.hpp"
@@ -12,27 +13,36 @@ namespace vestibule::tuning {
 
 /// One run to be done somewhere: a candidate on one drive with one seed.
 struct Task {
-  std::vector<double> values;  ///< of the tuned parameters
+  std::vector<double> values;  ///< what makes the configuration, see ConfigOf
   Role role = Role::kTraining;
   Case run;
+  std::string folder;  ///< where the run leaves its trajectory and map; empty = nowhere
 };
+
+/// The configuration of a task's values. May throw.
+using ConfigOf = std::function<pipeline::Config(const std::vector<double>&)>;
 
 /// Does a task. Never throws: what goes wrong is in the outcome.
 class TaskRunner {
  public:
-  /// All outlive the runner.
-  TaskRunner(const Session& session, const SearchSpace& space, const Subject& subject)
-      : session_(session), space_(space), subject_(subject) {}
+  /// \param subject  outlives the runner
+  TaskRunner(ConfigOf config_of, const Subject& subject, const Limits& limits = {})
+      : config_of_(std::move(config_of)), subject_(subject), limits_(limits) {}
   [[nodiscard]] Outcome run(const Task& task) const;
 
  private:
-  const Session& session_;
-  const SearchSpace& space_;
+  ConfigOf config_of_;
   const Subject& subject_;
+  Limits limits_;
 };
+
+/// Of the candidates of a session. \pre both outlive it
+[[nodiscard]] ConfigOf configOfCandidate(const Session& session, const SearchSpace& space);
 
 /// Told now and then while tasks are being done; may throw to end the run.
 using Heartbeat = std::function<void()>;
+/// Told of every outcome in the order of the tasks, as soon as all before it are known.
+using Done = std::function<void(std::size_t, const Outcome&)>;
 
 /// Where tasks are done. The outcomes do not depend on it.
 class Workers {
@@ -42,9 +52,9 @@ class Workers {
   Workers& operator=(const Workers&) = delete;
   virtual ~Workers() = default;
 
-  /// One outcome per task, in their order.
-  [[nodiscard]] virtual std::vector<Outcome> run(
-      const std::vector<Task>& tasks, const Heartbeat& heartbeat) = 0;
+  /// One outcome per task, in their order. Both functions are called in the caller's thread.
+  virtual std::vector<Outcome> run(
+      const std::vector<Task>& tasks, const Heartbeat& heartbeat, const Done& done) = 0;
   /// "2 threads".
   [[nodiscard]] virtual std::string text() const = 0;
 };
@@ -53,8 +63,8 @@ class Workers {
 class ThreadWorkers : public Workers {
  public:
   ThreadWorkers(const TaskRunner& runner, std::size_t threads);
-  [[nodiscard]] std::vector<Outcome> run(
-      const std::vector<Task>& tasks, const Heartbeat& heartbeat) override;
+  std::vector<Outcome> run(
+      const std::vector<Task>& tasks, const Heartbeat& heartbeat, const Done& done) override;
   [[nodiscard]] std::string text() const override;
 
  private:
