@@ -29,7 +29,7 @@ struct GlobalParams {
   double surface_share = 0.25;
   /// Small things move, walls do not: what is no larger than small_m, in the map or before a wall
   /// in a scan, counts movable_share; so do ends where the map knows nothing.
-  double small_m = 2.5;
+  double small_m = 3.0;
   double movable_share = 0.25;
   double inlier_distance_m = 0.20;  ///< a beam ending this near to an obstacle fits
   // --- the decision ------------------------------------------------------------------------------
@@ -37,7 +37,7 @@ struct GlobalParams {
   int min_keys = 4;                 ///< ... and scans that fit there
   double min_inlier_share = 0.55;   ///< of the beams, on average
   double max_blocked_share = 0.15;  ///< of the beams, on average
-  double min_advantage = 10.0;      ///< log odds of the best place against all others
+  double min_advantage = 7.0;       ///< log odds of the best place against all others
   double first_search_m = 1.0;      ///< driven between two searches, doubled from one to the next
   double max_search_m = 4.0;        ///< but no more than this
 };
