@@ -22,6 +22,7 @@ constexpr double kRaySide_m = 0.10;
 constexpr double kRayMargin_m = 0.30;
 // Smeared walls of some maps are as thick as this; deeper inside a block nothing can be seen.
 constexpr double kThickWall_m = 1.0;
+constexpr double kFitsBehind = 0.25;  // of a blocked beam
 // Lidars promise a little more than they reach.
 constexpr double kSureReach = 0.95;
 
@@ -368,7 +369,9 @@ ScanFit ScanFitter::fit(
     const auto obstacle = obstacleBefore(transform(T_map_base, p), p_map_laser, kRayMargin_m);
     if (obstacle) {
       const double fixed_share = fixedShareOf(*obstacle);
-      fit.blocked_share += fixed_share / n;
+      // An end on an obstacle behind another one: cluttered maps are like that.
+      const bool fits_behind = d < params_.inlier_distance_m;
+      fit.blocked_share += fixed_share * (fits_behind ? kFitsBehind : 1.0) / n;
       fit.log_likelihood +=
           missing.newsOf(*obstacle) * params_.surface_share * fixed_share * log_blocked;
     } else if (d < params_.inlier_distance_m) {
