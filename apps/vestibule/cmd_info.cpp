@@ -19,18 +19,6 @@ struct Arguments {
   std::string out;
 };
 
-bool endsWith(const std::string& text, const std::string& end) {
-  return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
-}
-
-bool isMap(const std::string& path) {
-  for (const char* end :
-       {".yaml", ".yml", ".gridmap", ".gridmap.gz", ".simplemap", ".simplemap.gz"}) {
-    if (endsWith(path, end)) return true;
-  }
-  return false;
-}
-
 /// Size, place and content of a prebuilt map.
 void infoOfMap(const Arguments& args) {
   const grid::OccupancyMap map = io::loadMap(args.log);
@@ -95,12 +83,14 @@ void addInfo(CLI::App& app, int& exit_code) {
       "info", "what is in a recording (sensors, rates, gaps, problems) or in a prebuilt map");
   command
       ->add_option(
-          "LOG", args->log, "rawlog, CARMEN log, ROS bag, CSV; or a map: YAML, gridmap, simplemap")
+          "LOG",
+          args->log,
+          "rawlog, CARMEN log, ROS bag, CSV; or a map: YAML, gridmap, simplemap, .dat")
       ->required();
   command->add_option("--out", args->out, "folder for a picture (maps only)");
   command->add_flag("--json", args->json, "print JSON instead of a table");
   command->callback([args, &exit_code] {
-    if (isMap(args->log)) {
+    if (io::isMap(args->log)) {
       infoOfMap(*args);
       exit_code = kDone;
       return;

@@ -346,12 +346,14 @@ void GlobalLocalizer::start(
 
 void GlobalLocalizer::process(const WheelOdometry& odometry) {
   Impl& s = *impl_;
+  if (!isFinite(odometry.T_previous_now)) return;
   s.T_odom_base = compose(s.T_odom_base, odometry.T_previous_now);
   s.travelled_m += translationNorm(odometry.T_previous_now);
 }
 
 bool GlobalLocalizer::process(const LaserScan& scan) {
   Impl& s = *impl_;
+  if (!isFinite(scan.T_base_laser)) return false;
   if (!s.keys.empty()) {
     const Pose2 step = between(s.keys.back().T_odom_base, s.T_odom_base);
     if (translationNorm(step) < s.params.key_distance_m &&
@@ -382,7 +384,7 @@ std::vector<Place> GlobalLocalizer::places() const {
   double sum = 0.0;
   for (const Hypothesis& h : impl_->hypotheses) {
     places.push_back(
-        {impl_->here(h), std::exp(h.log_evidence - best), h.inlier_share, h.blocked_share});
+        {impl_->here(h), std::exp(h.log_evidence - best), h.inlier_share, h.blocked_share, 1.0});
     sum += places.back().weight;
   }
   for (Place& place : places) place.weight /= sum;
@@ -393,7 +395,12 @@ Place GlobalLocalizer::fitAt(const LaserScan& scan, const Pose2& T_map_base) con
   Views missing(impl_->params.surface_m);
   const ScanFit fit = impl_->fitter.fit(
       impl_->endsOf(scan), {}, {}, {scan.T_base_laser.x, scan.T_base_laser.y}, T_map_base, missing);
-  return {{T_map_base, Eigen::Matrix3d::Zero()}, 1.0, fit.inlier_share, fit.blocked_share};
+  return {
+      {T_map_base, Eigen::Matrix3d::Zero()},
+      1.0,
+      fit.inlier_share,
+      fit.blocked_share,
+      fit.known_share};
 }
 
 double GlobalLocalizer::travelled() const { return impl_->travelled_m; }

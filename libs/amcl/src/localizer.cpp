@@ -20,12 +20,16 @@ constexpr double kSame_m = 0.3;
 constexpr double kSame_rad = degToRad(8.0);
 // A search is called off when the particles' place has more than this of the weight.
 constexpr double kStillThere = 0.98;
+// A scan with a smaller share of beams that end where the map knows something tells nothing.
+constexpr double kTellingShare = 0.25;
 // Nothing known: the pose is somewhere in a map of this size.
 constexpr double kNowhereSigma_m = 100.0;
 
 }  // namespace
 
 struct Localizer::Impl {
+  enum class Fit { kGood, kBad, kNone };
+
   AmclParams params;
   ParticleLocalizer particles;
   GlobalLocalizer global;
@@ -74,18 +78,28 @@ struct Localizer::Impl {
     return prior;
   }
 
-  /// Whether a scan fits the particles' pose, by its ends and by the free space before them.
-  [[nodiscard]] bool fitsParticles(const LaserScan& scan, const ScanReport& report) const {
-    if (!report.trusted) return false;
+  /// Whether a scan fits the particles' pose, by its ends and by the free space before them. Ends
+  /// where the map knows nothing say nothing: a robot may drive where nobody has mapped, and is not
+  /// lost there.
+  [[nodiscard]] Fit fitOf(const LaserScan& scan, const ScanReport& report) const {
     const Place place = global.fitAt(scan, report.T_map_base.mean);
+    if (place.known_share < kTellingShare) return Fit::kNone;
     // The more beams fit, the more may pass through what is mapped: blurred maps are like that.
-    const double fitting = place.inlier_share / params.lost_inlier_share;
-    return fitting >= 1.0 && place.blocked_share <= params.recovery.max_blocked_share * fitting;
+    const double fitting = place.inlier_share / place.known_share / params.lost_inlier_share;
+    const bool good =
+        fitting >= 1.0 && place.blocked_share <= params.recovery.max_blocked_share * fitting;
+    return good ? Fit::kGood : Fit::kBad;
   }
 
-  void watch(const LaserScan& scan, const ScanReport& report) {
-    if (!report.used) return;
-    if (fitsParticles(scan, report)) {
+  /// Also takes for trusted what has only left the mapped part.
+  void watch(const LaserScan& scan, ScanReport& report) {
+    const Fit fit = report.used ? fitOf(scan, report) : Fit::kNone;
+    if (fit == Fit::kNone) {
+      report.trusted = report.trusted || (misfits == 0 && !searching);
+      return;
+    }
+    if (fit == Fit::kGood) {
+      report.trusted = report.trusted || !searching;
       T_map_fitting = particles.pose().mean;
       since_fitting_m = 0.0;
       misfits = 0;
@@ -174,6 +188,7 @@ void Localizer::process(const WheelOdometry& odometry, YawSource yaw_source) {
   Impl& s = *impl_;
   if (s.tracking) s.particles.process(odometry, yaw_source);
   if (s.searching) s.global.process(odometry);
+  if (!isFinite(odometry.T_previous_now)) return;  // the others have said so
   if (s.T_map_fitting) s.T_map_fitting = compose(*s.T_map_fitting, odometry.T_previous_now);
   s.since_fitting_m += translationNorm(odometry.T_previous_now);
 }

@@ -22,6 +22,7 @@ constexpr double kRaySide_m = 0.10;
 constexpr double kRayMargin_m = 0.30;
 // Smeared walls of some maps are as thick as this; deeper inside a block nothing can be seen.
 constexpr double kThickWall_m = 1.0;
+constexpr double kFitsBehind = 0.25;  // of a blocked beam
 // Lidars promise a little more than they reach.
 constexpr double kSureReach = 0.95;
 
@@ -177,7 +178,8 @@ std::vector<std::uint8_t> unknownCells(const grid::OccupancyMap& map) {
   return unknown;
 }
 
-/// 1 at and beside occupied cells that hang together with no more than small_m of others.
+}  // namespace
+
 std::vector<std::uint8_t> smallThings(const grid::OccupancyMap& map, double small_m) {
   const int w = map.width();
   const int h = map.height();
@@ -220,8 +222,6 @@ std::vector<std::uint8_t> smallThings(const grid::OccupancyMap& map, double smal
   }
   return small;
 }
-
-}  // namespace
 
 ScanFitter::ScanFitter(const GlobalParams& params, const grid::OccupancyMap& map)
     : params_(params),
@@ -305,10 +305,9 @@ bool ScanFitter::marked(const std::vector<std::uint8_t>& cells, const Point2& p_
               static_cast<std::size_t>(ix)] != 0;
 }
 
-double ScanFitter::shareOf(const Point2& p_map_obstacle) const {
-  return params_.surface_share * (marked(movable_, transform(inverse(T_map_cells_), p_map_obstacle))
-                                      ? params_.movable_share
-                                      : 1.0);
+double ScanFitter::fixedShareOf(const Point2& p_map_obstacle) const {
+  return marked(movable_, transform(inverse(T_map_cells_), p_map_obstacle)) ? params_.movable_share
+                                                                            : 1.0;
 }
 
 std::optional<Point2> ScanFitter::obstacleBefore(
@@ -362,18 +361,23 @@ ScanFit ScanFitter::fit(
     const double d = interpolated(p_cells).d_m;
     const double u = d / params_.sigma_hit_m;
     // Where nobody has looked anything may stand.
-    const double is_new =
-        (news.empty() ? 1.0 : news[i]) * (marked(unknown_, p_cells) ? params_.movable_share : 1.0);
+    const bool unknown = marked(unknown_, p_cells);
+    const double is_new = (news.empty() ? 1.0 : news[i]) * (unknown ? params_.movable_share : 1.0);
     fit.log_likelihood +=
         is_new * params_.surface_share *
         std::log(params_.random_share + (1.0 - params_.random_share) * std::exp(-0.5 * u * u));
     const auto obstacle = obstacleBefore(transform(T_map_base, p), p_map_laser, kRayMargin_m);
     if (obstacle) {
-      fit.blocked_share += 1.0 / n;
-      fit.log_likelihood += missing.newsOf(*obstacle) * shareOf(*obstacle) * log_blocked;
+      const double fixed_share = fixedShareOf(*obstacle);
+      // An end on an obstacle behind another one: cluttered maps are like that.
+      const bool fits_behind = d < params_.inlier_distance_m;
+      fit.blocked_share += fixed_share * (fits_behind ? kFitsBehind : 1.0) / n;
+      fit.log_likelihood +=
+          missing.newsOf(*obstacle) * params_.surface_share * fixed_share * log_blocked;
     } else if (d < params_.inlier_distance_m) {
       fit.inlier_share += 1.0 / n;
     }
+    if (obstacle || !unknown || d < params_.inlier_distance_m) fit.known_share += 1.0 / n;
   }
   const double log_no_echo = std::log(params_.no_echo_share);
   std::optional<Point2> last;
@@ -382,7 +386,7 @@ ScanFit ScanFitter::fit(
     if (obstacle) {
       const bool follows = last && distance(*last, *obstacle) < kGrazing_m;
       const double is_new = follows ? missing.newsOf(*last, *obstacle) : missing.newsOf(*obstacle);
-      fit.log_likelihood += is_new * shareOf(*obstacle) * log_no_echo;
+      fit.log_likelihood += is_new * params_.surface_share * fixedShareOf(*obstacle) * log_no_echo;
     }
     last = obstacle;
   }

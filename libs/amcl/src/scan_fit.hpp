@@ -47,11 +47,16 @@ struct ScanEnds {
 [[nodiscard]] std::vector<Point2> spreadGaps(
     const LaserScan& scan, double max_range_m, std::size_t count);
 
+/// Per cell of a map: 1 at and beside occupied cells that hang together with no more than small_m
+/// of others.
+[[nodiscard]] std::vector<std::uint8_t> smallThings(const grid::OccupancyMap& map, double small_m);
+
 /// How one scan fits at a pose.
 struct ScanFit {
   double log_likelihood = 0.0;  ///< of what is new, 0 = every beam ends on an obstacle
   double inlier_share = 0.0;
-  double blocked_share = 0.0;
+  double known_share = 0.0;    ///< of beams that end where the map knows something or passed a wall
+  double blocked_share = 0.0;  ///< small mapped things in the way count movable_share
 };
 
 /// Holds scans against a map, by the ends of the beams and by the free space before them.
@@ -87,7 +92,7 @@ class ScanFitter {
   };
   [[nodiscard]] bool marked(const std::vector<std::uint8_t>& cells, const Point2& p_cells) const;
   /// How much a mapped obstacle counts that is not there.
-  [[nodiscard]] double shareOf(const Point2& p_map_obstacle) const;
+  [[nodiscard]] double fixedShareOf(const Point2& p_map_obstacle) const;
   [[nodiscard]] Distance interpolated(const Point2& p_grid) const;
   /// The first mapped obstacle on the way to a point, more than margin_m before it.
   [[nodiscard]] std::optional<Point2> obstacleBefore(

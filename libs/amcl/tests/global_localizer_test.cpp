@@ -174,6 +174,25 @@ TEST(GlobalLocalizer, FindsNothingWhereTheScansDoNotFit) {
   EXPECT_NE(localizer.state(), PlaceState::kSure);
 }
 
+TEST(GlobalLocalizer, DropsWhatIsNotANumber) {
+  Robot robot(fourRooms(), {8.0, 2.5, 1.0});
+  GlobalLocalizer localizer(oneThread(), robot.map);
+  localizer.start();
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  LaserScan scan = robot.scan();
+  scan.T_base_laser.phi = kNan;
+  EXPECT_FALSE(localizer.process(scan)) << "laser pose unknown";
+  scan = robot.scan();
+  for (float& r : scan.ranges_m) r = static_cast<float>(kNan);
+  EXPECT_FALSE(localizer.process(scan)) << "no beam is valid";
+  WheelOdometry odometry;
+  odometry.T_previous_now = {kNan, 0.0, 0.0};
+  localizer.process(odometry);
+  EXPECT_TRUE(localizer.process(robot.scan()));
+  EXPECT_FALSE(localizer.places().empty());
+  EXPECT_EQ(localizer.travelled(), 0.0);
+}
+
 TEST(GlobalLocalizer, BeamsWithoutAnEchoSpeakAgainstWallsThatAreNotThere) {
   // GIVEN two rooms that are equal but for a wall 6 m ahead, which one of them does not have
   constexpr int kSide = 400;
@@ -251,6 +270,40 @@ TEST(Localizer, NoticesThatItWasCarriedAwayAndFindsItself) {
   // THEN it has searched, and is right again
   EXPECT_GE(localizer.recoveries(), 1);
   EXPECT_FALSE(localizer.searching());
+  EXPECT_THAT(localizer.pose().mean, poseNear(robot.truth(), 0.1, 0.03));
+}
+
+TEST(Localizer, IsNotLostWhereNobodyHasMapped) {
+  // GIVEN a map without one of the rooms
+  Robot robot(fourRooms(), {9.0, 8.0, kPi});
+  std::vector<grid::Cell> cells;
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const bool left_out = x < 118 && y < 120;
+      cells.push_back(left_out ? grid::Cell::kUnknown : robot.map->cell(x, y));
+    }
+  }
+  const auto map = std::make_shared<const grid::OccupancyMap>(grid::OccupancyMap::fromCells(
+      kWidth, kHeight, kResolution, {0, 0}, cells, robot.map->T_map_grid()));
+  AmclParams params;
+  params.global = oneThread();
+  Localizer localizer(params, map, 1);
+  const Eigen::Matrix3d cov = Eigen::Vector3d(0.02, 0.02, 0.004).asDiagonal();
+  localizer.startAt({robot.truth(), cov});
+  // WHEN it drives into that room and about there
+  robot.goTo({3.0, 7.2}, localizer);
+  robot.goTo({3.0, 5.0}, localizer);
+  robot.goTo({3.2, 2.5}, localizer);
+  robot.goTo({4.0, 4.0}, localizer);
+  EXPECT_TRUE(localizer.process(robot.scan()).trusted);
+  robot.goTo({3.0, 5.0}, localizer);
+  // THEN it goes on by odometry and what it still sees of the map, and does not search
+  EXPECT_EQ(localizer.recoveries(), 0);
+  EXPECT_EQ(localizer.state(), PlaceState::kSure);
+  EXPECT_THAT(localizer.pose().mean, poseNear(robot.truth(), 0.4, 0.1));
+  // AND it is right again in the corridor
+  robot.goTo({3.0, 7.2}, localizer);
+  robot.goTo({7.0, 7.5}, localizer);
   EXPECT_THAT(localizer.pose().mean, poseNear(robot.truth(), 0.1, 0.03));
 }
 

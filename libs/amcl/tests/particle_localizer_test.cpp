@@ -3,8 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
+#include <string>
+#include <vector>
 
 #include "matchers.hpp"
+#include "vestibule/core/errors.hpp"
 #include "vestibule/core/random.hpp"
 
 namespace vestibule::amcl {
@@ -121,6 +125,125 @@ TEST(ParticleLocalizer, SaysWhenTheScansDoNotFit) {
   for (int i = 0; i < 15; ++i) drive.step(localizer);
   // THEN the estimate is not trusted
   EXPECT_FALSE(localizer.lastReport().trusted) << localizer.lastReport().trust;
+}
+
+/// Takes down what is complained about.
+struct Complaints : Observer {
+  std::vector<std::string> texts;
+  Observers observers;
+  Complaints() { observers.attach(*this); }
+  void onWarning(const WarningEvent& event) override { texts.push_back(event.text); }
+};
+
+TEST(ParticleLocalizer, RefusesMapsWithNothingToLocalizeBy) {
+  for (const grid::Cell kind : {grid::Cell::kOccupied, grid::Cell::kUnknown, grid::Cell::kFree}) {
+    const std::vector<grid::Cell> cells(100, kind);
+    const auto map = std::make_shared<const grid::OccupancyMap>(
+        grid::OccupancyMap::fromCells(10, 10, 0.1, {0, 0}, cells));
+    EXPECT_THROW(ParticleLocalizer({}, map, 1), InputError);
+  }
+}
+
+TEST(ParticleLocalizer, SaysWhyScansAreNotUsedAndCarriesOnByOdometry) {
+  // GIVEN a filter that tracks
+  Complaints complaints;
+  Drive drive{room(), {3.0, 2.0, 0.3}};
+  ParticleLocalizer localizer({}, drive.map, 2, &complaints.observers);
+  const auto about = [](const Pose2& T) {
+    return PoseWithCovariance{T, Eigen::Vector3d(0.01, 0.01, 0.001).asDiagonal()};
+  };
+  localizer.initialise(about(drive.truth));
+  for (int i = 0; i < 5; ++i) drive.step(localizer);
+  ASSERT_TRUE(complaints.texts.empty());
+  const auto bad = [&](const auto& spoil) {
+    const Eigen::Vector3d twist(0.1, 0.0, 0.02);
+    drive.truth = compose(drive.truth, expSe2(twist));
+    drive.t_s += 0.2;
+    WheelOdometry odometry;
+    odometry.stamp = timestampFromSeconds(drive.t_s);
+    odometry.dt_s = 0.2;
+    odometry.T_previous_now = expSe2(twist);
+    localizer.process(odometry);
+    LaserScan scan = scanFrom(*drive.map, drive.truth, odometry.stamp);
+    spoil(scan);
+    return localizer.process(scan);
+  };
+  // WHEN scans are of no use THEN each kind is told, and the pose goes on
+  const ScanReport blind = bad([](LaserScan& s) {
+    for (float& r : s.ranges_m) r = std::numeric_limits<float>::quiet_NaN();
+  });
+  EXPECT_FALSE(blind.used);
+  EXPECT_EQ(blind.unused_reason, "too few beams with an echo");
+  const ScanReport no_echo = bad([](LaserScan& s) {
+    for (float& r : s.ranges_m) r = std::numeric_limits<float>::infinity();
+  });
+  EXPECT_EQ(no_echo.unused_reason, "too few beams with an echo");
+  const ScanReport nowhere =
+      bad([](LaserScan& s) { s.T_base_laser.x = std::numeric_limits<double>::quiet_NaN(); });
+  EXPECT_FALSE(nowhere.used);
+  EXPECT_EQ(nowhere.unused_reason, "laser pose unknown");
+  ASSERT_EQ(complaints.texts.size(), 2U);
+  EXPECT_EQ(complaints.texts[0], "scan not used: too few beams with an echo");
+  EXPECT_EQ(complaints.texts[1], "scan not used: laser pose unknown");
+  EXPECT_THAT(localizer.pose().mean, poseNear(drive.truth, 0.05, degToRad(1.0)));
+  // Of an odometry message that is not finite nothing is taken.
+  WheelOdometry broken;
+  broken.stamp = timestampFromSeconds(drive.t_s);
+  broken.T_previous_now.phi = std::numeric_limits<double>::quiet_NaN();
+  localizer.process(broken);
+  EXPECT_THAT(localizer.pose().mean, poseNear(drive.truth, 0.05, degToRad(1.0)));
+  // A scan from before the particles were drawn anew (another map, a door) says nothing about them.
+  const LaserScan old = scanFrom(*drive.map, drive.truth, timestampFromSeconds(drive.t_s - 0.1));
+  localizer.initialise(about(drive.truth));
+  EXPECT_EQ(localizer.process(old).unused_reason, "older than the start in this map");
+  // AND good scans count again
+  EXPECT_TRUE(bad([](LaserScan&) {}).used);
+}
+
+TEST(ParticleLocalizer, GoesOnByScansAloneAndSaysSo) {
+  Complaints complaints;
+  Drive drive{room(), {3.0, 2.0, 0.3}};
+  ParticleLocalizer localizer({}, drive.map, 2, &complaints.observers);
+  localizer.initialise({drive.truth, Eigen::Vector3d(0.01, 0.01, 0.001).asDiagonal()});
+  for (int i = 0; i < 40; ++i) {
+    localizer.process(scanFrom(*drive.map, drive.truth, timestampFromSeconds(0.1 * i)));
+  }
+  ASSERT_EQ(complaints.texts.size(), 1U) << "said once";
+  EXPECT_EQ(complaints.texts[0], "no odometry for a while: only scans move the pose");
+  EXPECT_THAT(localizer.pose().mean, poseNear(drive.truth, 0.05, degToRad(1.0)));
+}
+
+TEST(ParticleLocalizer, FixesDecideBetweenPlacesThatLookAlike) {
+  // GIVEN an empty square room, where a half turn about its centre changes nothing
+  std::vector<grid::Cell> cells(160 * 160, grid::Cell::kFree);
+  for (int i = 0; i < 160; ++i) {
+    for (const int rim : {0, 1, 158, 159}) {
+      cells[static_cast<std::size_t>(i * 160 + rim)] = grid::Cell::kOccupied;
+      cells[static_cast<std::size_t>(rim * 160 + i)] = grid::Cell::kOccupied;
+    }
+  }
+  const Pose2 T_map_grid{20.0, 5.0, 0.7};
+  Drive drive{
+      std::make_shared<const grid::OccupancyMap>(
+          grid::OccupancyMap::fromCells(160, 160, 0.05, {0, 0}, cells, T_map_grid)),
+      compose(T_map_grid, Pose2{2.5, 2.5, 0.3})};
+  const Pose2 twin = compose(T_map_grid, Pose2{5.5, 5.5, 0.3 - kPi});
+  const Eigen::Matrix3d cov = Eigen::Vector3d(0.01, 0.01, 0.002).asDiagonal();
+  const auto run = [&](bool enabled, double offset_m) {
+    AmclParams params;
+    params.gnss.enabled = enabled;
+    Drive d = drive;
+    ParticleLocalizer localizer(params, d.map, 3);
+    localizer.initialise({{{twin, cov}, 0.6}, {{d.truth, cov}, 0.4}});
+    for (int i = 0; i < 12; ++i) {
+      d.step(localizer);
+      localizer.process(Point2{d.truth.x + offset_m, d.truth.y}, 1.5);
+    }
+    return distance(localizer.pose().mean, d.truth);
+  };
+  // THEN fixes with an error of a metre decide it, and only where they are wanted
+  EXPECT_LT(run(true, 1.0), 0.1);
+  EXPECT_GT(run(false, 1.0), 1.0);
 }
 
 TEST(ParticleLocalizer, SameSeedSameParticlesWithAndWithoutObservers) {

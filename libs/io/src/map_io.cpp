@@ -154,6 +154,19 @@ grid::OccupancyMap loadMap(const std::string& path) {
       ".dat[.gz] of the Wean Hall recordings");
 }
 
+bool isMap(const std::string& path) {
+  for (const char* end :
+       {".yaml", ".yml", ".gridmap", ".gridmap.gz", ".simplemap", ".simplemap.gz"}) {
+    if (endsWith(path, end)) return true;
+  }
+  if (!endsWith(path, ".dat") && !endsWith(path, ".dat.gz")) return false;
+  try {
+    return looksLikeWeanMap(LineReader(openFile(path)));
+  } catch (const InputError&) {
+    return false;
+  }
+}
+
 void saveMapServer(
     const grid::OccupancyMap& map,
     const std::string& yaml_path,

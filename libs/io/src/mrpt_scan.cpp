@@ -14,6 +14,10 @@ using mrpt::obs::CObservation2DRangeScan;
 namespace {
 
 constexpr double kMaxTilt_rad = 10.0 * kRadPerDeg;
+// MRPT has one kind of invalid beam and does not look at its range. An infinite one says "no echo",
+// anything else that the beam failed.
+constexpr float kNoEcho = std::numeric_limits<float>::infinity();
+constexpr float kFailed = std::numeric_limits<float>::quiet_NaN();
 
 }  // namespace
 
@@ -24,7 +28,8 @@ CObservation2DRangeScan toMrpt(const LaserScan& scan) {
   for (std::size_t i = 0; i < n; ++i) {
     const bool valid = scan.valid(i);
     obs.setScanRangeValidity(i, valid);
-    obs.setScanRange(i, valid ? scan.ranges_m[i] : 0.0F);
+    const bool no_echo = static_cast<double>(scan.ranges_m[i]) >= scan.range_max_m;
+    obs.setScanRange(i, valid ? scan.ranges_m[i] : (no_echo ? kNoEcho : 0.0F));
   }
   const double span = n < 2 ? 0.0 : static_cast<double>(n - 1) * scan.angle_step_rad;
   obs.aperture = static_cast<float>(std::abs(span));
@@ -50,8 +55,9 @@ std::optional<LaserScan> fromMrpt(const CObservation2DRangeScan& obs) {
   scan.range_max_m = static_cast<double>(obs.maxRange);
   scan.ranges_m.resize(n);
   for (std::size_t i = 0; i < n; ++i) {
-    scan.ranges_m[i] =
-        obs.getScanRangeValidity(i) ? obs.getScanRange(i) : std::numeric_limits<float>::quiet_NaN();
+    const float range_m = obs.getScanRange(i);
+    const bool told = obs.getScanRangeValidity(i) || range_m == kNoEcho;
+    scan.ranges_m[i] = told ? range_m : kFailed;
   }
   // Counter-clockwise seen from above: a clockwise device or one hanging head down is turned
   // round, one that is both is not.

@@ -10,6 +10,7 @@ namespace {
 
 using grid::Cell;
 
+constexpr std::string_view kKeyPrefix = "robot_specifications->";
 constexpr std::string_view kResolutionKey = "robot_specifications->resolution";
 constexpr std::string_view kMapKey = "global_map[0]:";
 constexpr double kMaxSide = 20000.0;
@@ -82,6 +83,13 @@ grid::OccupancyMap readWeanMap(std::unique_ptr<ByteStream> stream) {
     }
   }
   return grid::OccupancyMap::fromCells(width, height, resolution_m, {0.0, 0.0}, cells);
+}
+
+bool looksLikeWeanMap(LineReader lines) {
+  std::string_view text;
+  if (!lines.next(text)) return false;
+  return text.substr(0, kKeyPrefix.size()) == kKeyPrefix ||
+         text.substr(0, kMapKey.size()) == kMapKey;
 }
 
 }  // namespace vestibule::io

@@ -14,4 +14,7 @@ namespace vestibule::io {
 /// Throws InputError naming the line.
 [[nodiscard]] grid::OccupancyMap readWeanMap(std::unique_ptr<ByteStream> stream);
 
+/// Whether the first line is one of such a map.
+[[nodiscard]] bool looksLikeWeanMap(LineReader lines);
+
 }  // namespace vestibule::io

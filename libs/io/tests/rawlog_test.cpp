@@ -33,6 +33,8 @@ LaserScan someScan(Timestamp stamp) {
   scan.range_max_m = 30.0;
   for (int i = 0; i < 181; ++i) scan.ranges_m.push_back(1.0F + 0.1F * static_cast<float>(i));
   scan.ranges_m[7] = std::numeric_limits<float>::quiet_NaN();
+  scan.ranges_m[8] = std::numeric_limits<float>::infinity();
+  scan.ranges_m[9] = 30.0F;
   scan.T_base_laser = {0.2, -0.1, 0.3};
   return scan;
 }
@@ -100,6 +102,9 @@ TEST(Rawlog, WhatTheWriterWritesComesBack) {
           1e-6)
           << "beam " << k;
     }
+    EXPECT_TRUE(std::isnan(scan.ranges_m[7])) << "a failed beam";
+    EXPECT_TRUE(std::isinf(scan.ranges_m[8])) << "a beam without an echo";
+    EXPECT_TRUE(std::isinf(scan.ranges_m[9])) << "the same";
     EXPECT_NEAR(scan.T_base_laser.x, 0.2, 1e-9);
   }
 }

@@ -49,5 +49,14 @@ TEST(WeanMap, BadInputNamesTheLine) {
   EXPECT_THAT(complaint("nothing of it\n"), HasSubstr("no 'global_map[0]:"));
 }
 
+TEST(WeanMap, IsKnownByItsFirstWord) {
+  EXPECT_TRUE(isMap(writeFile(testFolder() / "m.dat", kGood)));
+  EXPECT_FALSE(isMap(writeFile(testFolder() / "log.dat", "ODOM 0 0 0 0 0 0 1 host 1\n")));
+  EXPECT_FALSE(isMap(writeFile(testFolder() / "empty.dat", "")));
+  EXPECT_FALSE(isMap((testFolder() / "missing.dat").string()));
+  EXPECT_TRUE(isMap("any.yaml"));
+  EXPECT_FALSE(isMap("any.log"));
+}
+
 }  // namespace
 }  // namespace vestibule::io

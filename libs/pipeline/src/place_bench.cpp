@@ -5,8 +5,10 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <set>
 
 #include "vestibule/amcl/localizer.hpp"
+#include "vestibule/amcl/tell_apart.hpp"
 #include "vestibule/core/errors.hpp"
 #include "vestibule/core/parallel.hpp"
 #include "vestibule/core/random.hpp"
@@ -99,6 +101,35 @@ class Ground {
     }
     return centreOf(i);
   }
+  /// A point a little on the way to another near one, around what stands between; empty when that
+  /// is blocked or reached.
+  [[nodiscard]] std::optional<Point2> towards(const Point2& from, const Point2& to) const {
+    constexpr double kAround_m = 1.5;
+    constexpr double kStep_m = 0.4;
+    constexpr double kNearer_m = 0.1;
+    struct Reached {
+      std::size_t cell;
+      std::size_t before;  // in the list
+      int steps;
+    };
+    std::vector<Reached> reached{{nearestOpen(from), 0, 0}};
+    std::set<std::size_t> seen{reached.front().cell};
+    const auto off = [&](std::size_t i) {
+      return std::hypot(centreOf(i).x - to.x, centreOf(i).y - to.y);
+    };
+    std::size_t best = 0;
+    for (std::size_t next = 0; next < reached.size(); ++next) {
+      const Reached at = reached[next];
+      if (off(at.cell) < off(reached[best].cell)) best = next;
+      if (at.steps * map_.resolution() > kAround_m) continue;
+      forNeighbours(at.cell, [&](std::size_t j) {
+        if (open_[j] != 0 && seen.insert(j).second) reached.push_back({j, next, at.steps + 1});
+      });
+    }
+    if (off(reached[best].cell) > off(reached.front().cell) - kNearer_m) return std::nullopt;
+    while (reached[best].steps * map_.resolution() > kStep_m) best = reached[best].before;
+    return centreOf(reached[best].cell);
+  }
 
  private:
   [[nodiscard]] std::size_t width() const { return static_cast<std::size_t>(map_.width()); }
@@ -145,7 +176,8 @@ class Ground {
   std::vector<std::size_t> cells_;  // the open ones
 };
 
-/// A robot that drives from one random place to the next and never touches anything.
+/// A robot that goes where it is told, or else from one random place to the next, and never touches
+/// anything.
 class Wanderer {
  public:
   Wanderer(
@@ -170,9 +202,14 @@ class Wanderer {
     steps_.clear();
   }
 
+  /// Whether the last tick's goal could not be come nearer to.
+  [[nodiscard]] bool blocked() const { return blocked_; }
+
   /// One tick of driving and what the wheels say of it.
-  WheelOdometry drive() {
-    const Pose2 step = nextStep();
+  /// \param goal_base near; empty = wander
+  WheelOdometry drive(const std::optional<Point2>& goal_base = {}) {
+    blocked_ = false;
+    const Pose2 step = goal_base ? stepTowards(*goal_base) : nextStep();
     truth_ = compose(truth_, step);
     driven_m_ += step.x;
     time_ = time_ + durationFromSeconds(kTick_s);
@@ -208,6 +245,13 @@ class Wanderer {
   }
 
  private:
+  Pose2 stepTowards(const Point2& goal_base) {
+    steps_.clear();
+    const auto target = ground_.towards({truth_.x, truth_.y}, transform(truth_, goal_base));
+    blocked_ = !target;
+    return target ? stepTo(*target) : Pose2{};
+  }
+
   Pose2 nextStep() {
     if (steps_.empty()) steps_ = ground_.stepsTo(ground_.drawCell(rng_));
     const auto target = ground_.ahead(steps_, {truth_.x, truth_.y});
@@ -215,8 +259,12 @@ class Wanderer {
       steps_.clear();  // arrived
       return {};
     }
+    return stepTo(*target);
+  }
+
+  [[nodiscard]] Pose2 stepTo(const Point2& target) const {
     const double bearing =
-        angleDiff(std::atan2(target->y - truth_.y, target->x - truth_.x), truth_.phi);
+        angleDiff(std::atan2(target.y - truth_.y, target.x - truth_.x), truth_.phi);
     const double turn = std::clamp(bearing, -kTurn_radps * kTick_s, kTurn_radps * kTick_s);
     const double forward = std::abs(bearing) < degToRad(30.0) ? kSpeed_mps * kTick_s : 0.0;
     return {forward, 0.0, turn};
@@ -233,7 +281,72 @@ class Wanderer {
   double yaw_drift_per_m_ = 0.0;
   double driven_m_ = 0.0;
   std::vector<int> steps_;  // to the present goal
+  bool blocked_ = false;
   Timestamp time_;
+};
+
+/// Leads a robot that is not sure to where its candidates would see different things. Knows what
+/// the robot knows: the map, its candidates and its odometry.
+class Guide {
+ public:
+  explicit Guide(const amcl::TellApart& tell_apart) : tell_apart_(tell_apart) {}
+
+  /// \param places the candidates now, best first
+  void look(const std::vector<amcl::Place>& places) {
+    constexpr double kSame_m = 0.6;
+    constexpr double kSame_rad = degToRad(15.0);
+    if (!way_.empty()) {
+      const auto mine = std::find_if(places.begin(), places.end(), [&](const amcl::Place& p) {
+        const Pose2& T = p.T_map_base.mean;
+        return distance(T, T_map_base_) < kSame_m &&
+               std::abs(angleDiff(T.phi, T_map_base_.phi)) < kSame_rad;
+      });
+      if (mine == places.end()) {
+        drop(0.0);
+      } else {
+        T_map_base_ = mine->T_map_base.mean;
+      }
+    }
+    if (wait_m_ > 0.0 || places.empty()) return;
+    way_ = tell_apart_.way(places, kAllowed_m);
+    wait_m_ = way_.empty() ? kWait_m : kAgain_m;
+    next_ = 0;
+    T_map_base_ = places.front().T_map_base.mean;
+  }
+
+  void moved(const WheelOdometry& odometry) {
+    T_map_base_ = compose(T_map_base_, odometry.T_previous_now);
+    wait_m_ -= translationNorm(odometry.T_previous_now);
+  }
+
+  void giveUp() { drop(kWait_m); }
+
+  /// Where to drive, a little ahead; empty = anywhere.
+  [[nodiscard]] std::optional<Point2> goal() {
+    constexpr double kAhead_m = 0.5;
+    const auto off = [&](std::size_t i) {
+      return std::hypot(way_[i].x - T_map_base_.x, way_[i].y - T_map_base_.y);
+    };
+    while (next_ < way_.size() && off(next_) < kAhead_m) ++next_;
+    if (!way_.empty() && next_ >= way_.size()) drop(0.0);
+    if (way_.empty()) return std::nullopt;
+    return transform(inverse(T_map_base_), way_[next_]);
+  }
+
+ private:
+  void drop(double wait_m) {
+    way_.clear();
+    wait_m_ = wait_m;
+  }
+
+  static constexpr double kAgain_m = 3.0;  // driven until it looks for the best way again
+  static constexpr double kWait_m = 1.5;   // the same where there is none, or it is blocked
+
+  const amcl::TellApart& tell_apart_;
+  std::vector<Point2> way_;
+  std::size_t next_ = 0;
+  Pose2 T_map_base_;  // of the candidate whose way it is
+  double wait_m_ = 0.0;
 };
 
 /// Where a search began or a robot was put down.
@@ -261,12 +374,14 @@ void conclude(
 LostTrial findFrom(
     const LostPlace& place,
     const Ground& ground,
+    const amcl::TellApart& tell_apart,
     amcl::GlobalLocalizer& localizer,
     const Pose2& start,
     RandomStream rng) {
   LostTrial trial;
   trial.T_map_start = start;
   Wanderer robot(place, ground, start, rng);
+  Guide guide(tell_apart);
   localizer.start();
   std::optional<Pose2> claimed;
   for (int tick = 0; tick < kMaxTicks && robot.driven() < kAllowed_m && !claimed; ++tick) {
@@ -281,8 +396,12 @@ LostTrial findFrom(
         claimed = localizer.places().front().T_map_base.mean;
         break;
       }
+      guide.look(localizer.places());
     }
-    localizer.process(robot.drive());
+    const WheelOdometry odometry = robot.drive(guide.goal());
+    if (robot.blocked()) guide.giveUp();
+    guide.moved(odometry);
+    localizer.process(odometry);
   }
   trial.searches = localizer.searches();
   trial.places = localizer.places();
@@ -295,6 +414,7 @@ LostTrial kidnapFrom(
     const LostPlace& place,
     const amcl::AmclParams& params,
     const Ground& ground,
+    const amcl::TellApart& tell_apart,
     std::uint64_t seed,
     RandomStream rng) {
   LostTrial trial;
@@ -303,9 +423,16 @@ LostTrial kidnapFrom(
   amcl::Localizer localizer(params, place.map, seed);
   const Eigen::Matrix3d cov = Eigen::Vector3d(0.02, 0.02, 0.004).asDiagonal();
   localizer.startAt({start, cov});
+  Guide guide(tell_apart);
   const auto tick = [&](int n) {
-    localizer.process(robot.drive());
-    if (n % kTicksPerScan == 0) localizer.process(robot.scan());
+    const WheelOdometry odometry =
+        robot.drive(localizer.searching() ? guide.goal() : std::optional<Point2>());
+    if (robot.blocked()) guide.giveUp();
+    guide.moved(odometry);
+    localizer.process(odometry);
+    if (n % kTicksPerScan != 0) return;
+    localizer.process(robot.scan());
+    if (localizer.searching()) guide.look(localizer.places());
   };
   constexpr double kBefore_m = 6.0;
   for (int n = 1; n < kMaxTicks && robot.driven() < kBefore_m; ++n) tick(n);
@@ -423,6 +550,7 @@ std::vector<LostTrial> benchGlobal(
     std::uint64_t seed,
     const Progress& progress) {
   const Ground ground(place);
+  const amcl::TellApart tell_apart(place.map, kRadius_m, config.amcl.global);
   amcl::GlobalParams params = config.amcl.global;
   const std::size_t workers = threadCount(params.search.threads);
   params.search.threads = 1;  // the trials themselves run side by side
@@ -434,7 +562,7 @@ std::vector<LostTrial> benchGlobal(
   runTrials(trials.size(), workers, progress, [&](std::size_t i, std::size_t worker) {
     RandomStream rng(seed, "lost-place", i);
     const Pose2 start = ground.draw(rng);
-    trials[i] = findFrom(place, ground, *localizers[worker], start, rng);
+    trials[i] = findFrom(place, ground, tell_apart, *localizers[worker], start, rng);
   });
   return trials;
 }
@@ -446,12 +574,14 @@ std::vector<LostTrial> benchKidnap(
     std::uint64_t seed,
     const Progress& progress) {
   const Ground ground(place);
+  const amcl::TellApart tell_apart(place.map, kRadius_m, config.amcl.global);
   amcl::AmclParams params = config.amcl;
   const std::size_t workers = threadCount(params.global.search.threads);
   params.global.search.threads = 1;
   std::vector<LostTrial> trials(static_cast<std::size_t>(kidnappings));
   runTrials(trials.size(), workers, progress, [&](std::size_t i, std::size_t) {
-    trials[i] = kidnapFrom(place, params, ground, seed, RandomStream(seed, "kidnapping", i));
+    trials[i] =
+        kidnapFrom(place, params, ground, tell_apart, seed, RandomStream(seed, "kidnapping", i));
   });
   return trials;
 }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "vestibule/io/map_io.hpp"
 #include "vestibule/pipeline/gnss_input.hpp"
@@ -15,13 +14,6 @@ namespace {
 constexpr double kMapPosePeriod_s = 1.0;
 constexpr double kMapPoseFloor_m = 0.10;
 constexpr double kMapPoseFloor_rad = degToRad(1.0);
-
-Point2 centreOf(const grid::OccupancyMap& map) {
-  return transform(
-      map.T_map_grid(),
-      {map.corner().x + 0.5 * map.width() * map.resolution(),
-       map.corner().y + 0.5 * map.height() * map.resolution()});
-}
 
 }  // namespace
 
@@ -46,14 +38,18 @@ PoseWithCovariance toldStart(const Pose2& T_map_base) {
 SeamlessEstimator::SeamlessEstimator(
     const Config& config,
     const geo::Site& site,
-    std::vector<std::shared_ptr<const grid::OccupancyMap>> maps,
+    const std::vector<std::shared_ptr<const grid::OccupancyMap>>& maps,
     const Observers& observers)
     : config_(config),
       plane_(site.datum),
       observers_(observers),
-      maps_(std::move(maps)),
       gnss_filter_(config.ekf, config.rig, &observers),
-      manager_(config.mode_manager, site, &observers) {}
+      localizers_(config.amcl, config.seed, &observers),
+      manager_(config.mode_manager, site, &observers) {
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    localizers_.load(site.indoor_maps[i].name, maps[i]);
+  }
+}
 
 void SeamlessEstimator::start(Timestamp stamp, const PoseWithCovariance& T_map_base) {
   gnss_filter_.reset(stamp, T_map_base);
@@ -80,13 +76,11 @@ void SeamlessEstimator::onWheels(const WheelOdometry& wheels) {
   gnss_filter_.process(wheels);
   time_ = gnss_filter_.time();
   const Pose2 T_odom_base = gnss_filter_.odometry().mean;
-  if (particles_) {
-    // The particles ride on the odometry filter, whose yaw is the gyro's: wheels of a skid-steer
-    // robot do not know how far it turned.
-    WheelOdometry increment = wheels;
-    increment.T_previous_now = between(T_odom_base_, T_odom_base);
-    particles_->process(increment, has_gyro_ ? amcl::YawSource::kGyro : amcl::YawSource::kWheels);
-  }
+  // The particles ride on the odometry filter, whose yaw is the gyro's: wheels of a skid-steer
+  // robot do not know how far it turned.
+  WheelOdometry increment = wheels;
+  increment.T_previous_now = between(T_odom_base_, T_odom_base);
+  localizers_.process(increment, has_gyro_ ? amcl::YawSource::kGyro : amcl::YawSource::kWheels);
   T_odom_base_ = T_odom_base;
 
   if (gnss_filter_.ready()) {
@@ -109,54 +103,36 @@ void SeamlessEstimator::onFix(const GnssFix& fix) {
   const Eigen::Vector3d p_map_antenna = antennaInMap(fix, plane_);
   if (!wasUsed(gnss_filter_.process(inMap(fix, p_map_antenna)))) return;
   last_fix_ = last_fix_ ? std::max(*last_fix_, fix.stamp) : fix.stamp;
-  if (!particles_ || !particles_->initialised() || !config_.amcl.gnss.enabled) return;
+  const auto particles = localizers_.pose();
+  if (!particles || !config_.amcl.gnss.enabled) return;
   // The antenna's place on the robot is turned by where the particles face.
-  const Pose2 T_map_base = particles_->pose().mean;
+  const Pose2 T_map_base = particles->mean;
   const Point2 p_map_own = transform(T_map_base, config_.rig.p_base_antenna);
   const Point2 p_map_base{
       p_map_antenna.x() - (p_map_own.x - T_map_base.x),
       p_map_antenna.y() - (p_map_own.y - T_map_base.y)};
   const double sigma_m = fix.cov_enu ? std::sqrt(0.5 * fix.cov_enu->topLeftCorner<2, 2>().trace())
                                      : config_.ekf.gnss.sigma_single_m;
-  particles_->process(p_map_base, sigma_m);
+  localizers_.process(p_map_base, sigma_m);
 }
 
 void SeamlessEstimator::seedParticles() {
   if (!manager_.particlesWanted()) {
-    particles_ = nullptr;
+    localizers_.rest();
     return;
   }
-  const auto seed = manager_.takeSeedRequest();
-  if (!seed || maps_.empty()) return;
-  // The nearest map by its centre; a robot between two buildings tries the one it is closer to.
-  double nearest_m = std::numeric_limits<double>::max();
-  std::size_t nearest = 0;
-  for (std::size_t i = 0; i < maps_.size(); ++i) {
-    const Point2 c = centreOf(*maps_[i]);
-    const double d = std::hypot(c.x - seed->mean.x, c.y - seed->mean.y);
-    if (d < nearest_m) {
-      nearest_m = d;
-      nearest = i;
-    }
-  }
-  localizers_.resize(maps_.size());
-  if (!localizers_[nearest]) {
-    localizers_[nearest] = std::make_unique<amcl::ParticleLocalizer>(
-        config_.amcl, maps_[nearest], config_.seed, &observers_);
-  }
-  particles_ = localizers_[nearest].get();
-  particles_->initialise(*seed);
+  if (const auto seed = manager_.takeSeedRequest()) (void)localizers_.seed(*seed);
 }
 
 void SeamlessEstimator::onScan(const LaserScan& scan) {
-  if (!particles_ || !particles_->initialised()) return;
-  const amcl::ScanReport report = particles_->process(scan);
-  const PoseWithCovariance T_map_base = particles_->pose();
-  manager_.offerParticles({time_, T_map_base, T_odom_base_}, report.trust);
+  const auto report = localizers_.process(scan);
+  if (!report) return;
+  const PoseWithCovariance T_map_base = *localizers_.pose();
+  manager_.offerParticles({time_, T_map_base, T_odom_base_}, report->trust);
 
   const bool due = !last_map_pose_to_filter_ ||
                    toSeconds(scan.stamp - *last_map_pose_to_filter_) >= kMapPosePeriod_s;
-  if (manager_.mode() == Mode::kIndoor && report.trusted && due) {
+  if (manager_.mode() == Mode::kIndoor && report->trusted && due) {
     PoseWithCovariance to_filter = T_map_base;
     to_filter.cov += Eigen::Vector3d(
                          kMapPoseFloor_m * kMapPoseFloor_m,

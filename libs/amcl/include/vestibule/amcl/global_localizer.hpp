@@ -26,6 +26,7 @@ struct Place {
   double weight = 0.0;         ///< among all places; they sum to 1
   double inlier_share = 0.0;   ///< of the beams of all scans so far, [0, 1]
   double blocked_share = 0.0;  ///< of beams that pass through what is mapped
+  double known_share = 1.0;    ///< of beams that end where the map knows something; of fitAt() only
 };
 
 /// Where the robot is in a map, from scans and odometry alone or with a prior: searches the whole

@@ -29,7 +29,7 @@ struct GlobalParams {
   double surface_share = 0.25;
   /// Small things move, walls do not: what is no larger than small_m, in the map or before a wall
   /// in a scan, counts movable_share; so do ends where the map knows nothing.
-  double small_m = 2.5;
+  double small_m = 3.0;
   double movable_share = 0.25;
   double inlier_distance_m = 0.20;  ///< a beam ending this near to an obstacle fits
   // --- the decision ------------------------------------------------------------------------------

@@ -26,6 +26,10 @@ struct MapGeoreference {
 /// image, MRPT or .dat file.
 [[nodiscard]] grid::OccupancyMap loadMap(const std::string& path);
 
+/// Whether a file is one that loadMap() takes, by its name; a .dat[.gz], which may as well be a
+/// recording, by its first word. False for what cannot be read.
+[[nodiscard]] bool isMap(const std::string& path);
+
 /// Writes a map_server map: YAML and an 8-bit PGM in trinary coding (0 occupied, 205 unknown, 254
 /// free). The YAML names the image relative to itself. loadMap() gives the same cells and pose.
 /// \param image_name  name of the image as the YAML shall write it, when the files are renamed

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "vestibule/amcl/particle_localizer.hpp"
+#include "vestibule/amcl/map_localizers.hpp"
 #include "vestibule/core/events.hpp"
 #include "vestibule/ekf/filter.hpp"
 #include "vestibule/geo/site.hpp"
@@ -33,12 +33,15 @@ class SeamlessEstimator {
   SeamlessEstimator(
       const Config& config,
       const geo::Site& site,
-      std::vector<std::shared_ptr<const grid::OccupancyMap>> maps,
+      const std::vector<std::shared_ptr<const grid::OccupancyMap>>& maps,
       const Observers& observers);
 
   /// Starts from a known pose, e.g. the charging point.
   void start(Timestamp stamp, const PoseWithCovariance& T_map_base);
   void process(const Measurement& measurement);
+
+  /// Indoor maps may come and go at any time: floors of a lift, a hall that was surveyed just now.
+  [[nodiscard]] amcl::MapLocalizers& localizers() { return localizers_; }
 
   [[nodiscard]] bool ready() const { return manager_.ready(); }
   /// What the GNSS filter still misses for a first pose, in words; empty when it has one.
@@ -60,13 +63,9 @@ class SeamlessEstimator {
   Config config_;
   std::optional<geo::TangentPlane> plane_;  // at the site's datum
   const Observers& observers_;
-  std::vector<std::shared_ptr<const grid::OccupancyMap>> maps_;
 
   ekf::MapFilter gnss_filter_;  // with the odometry filter inside
-  /// One per map, made when the robot first comes near it. It stays while the robot is elsewhere:
-  /// what it has learnt of its map (where walls stand in their cells) is there on the next visit.
-  std::vector<std::unique_ptr<amcl::ParticleLocalizer>> localizers_;
-  amcl::ParticleLocalizer* particles_ = nullptr;  ///< the one at work
+  amcl::MapLocalizers localizers_;
   mode_manager::ModeManager manager_;
 
   Timestamp time_;

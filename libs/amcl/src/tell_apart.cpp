@@ -1,0 +1,222 @@
+#include "vestibule/amcl/tell_apart.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <queue>
+#include <tuple>
+
+#include "scan_fit.hpp"
+
+namespace vestibule::amcl {
+namespace {
+
+constexpr std::size_t kMostClaims = 10;
+constexpr double kGoalSpacing_m = 1.0;
+constexpr double kNearest_m = 2.0;  // the present view tells as much as one from nearer
+constexpr int kRays = 36;
+constexpr double kView_m = 10.0;       // most lidars see walls that far
+constexpr double kDiffers_m = 0.5;     // ranges that differ by less are noise and furniture
+constexpr double kPlainShare = 0.25;   // of rays: a view that differs in so many is another one
+constexpr double kSettingOut_m = 4.0;  // costs as much as driving so far
+constexpr double kTurnBack_m = 4.0;    // so does a half turn, and what lies behind has been seen
+constexpr double kFirst_m = 1.0;       // of a way says where the robot has to turn
+// Ways keep to the middle of corridors: one sees more there. A metre along a wall costs so much
+// more.
+constexpr double kWide_m = 1.2;
+constexpr double kNarrowCost = 2.0;
+constexpr double kWorthIt = 0.10;  // of all that could be told apart
+// Candidates so near to each other are one place, known badly.
+constexpr double kSame_m = 1.0;
+constexpr double kSame_rad = degToRad(20.0);
+
+grid::OccupancyMap withoutSmallThings(const grid::OccupancyMap& map, double small_m) {
+  const std::vector<std::uint8_t> small = smallThings(map, small_m);
+  std::vector<grid::Cell> cells;
+  for (int y = 0; y < map.height(); ++y) {
+    for (int x = 0; x < map.width(); ++x) {
+      const bool moves = map.cell(x, y) == grid::Cell::kOccupied && small[cells.size()] != 0;
+      cells.push_back(moves ? grid::Cell::kFree : map.cell(x, y));
+    }
+  }
+  return grid::OccupancyMap::fromCells(
+      map.width(), map.height(), map.resolution(), map.corner(), cells, map.T_map_grid());
+}
+
+/// With walls where nothing is known.
+grid::OccupancyMap withoutUnknown(const grid::OccupancyMap& map) {
+  std::vector<grid::Cell> cells;
+  for (int y = 0; y < map.height(); ++y) {
+    for (int x = 0; x < map.width(); ++x) {
+      cells.push_back(
+          map.cell(x, y) == grid::Cell::kUnknown ? grid::Cell::kOccupied : map.cell(x, y));
+    }
+  }
+  return grid::OccupancyMap::fromCells(
+      map.width(), map.height(), map.resolution(), map.corner(), cells, map.T_map_grid());
+}
+
+}  // namespace
+
+TellApart::TellApart(
+    std::shared_ptr<const grid::OccupancyMap> map, double radius_m, const GlobalParams& params)
+    : map_(std::move(map)),
+      distances_(*map_),
+      fixed_(withoutSmallThings(*map_, params.small_m)),
+      fixed_distances_(fixed_),
+      rays_(fixed_),
+      known_rays_(withoutUnknown(fixed_)),
+      radius_m_(radius_m) {}
+
+grid::Cell TellApart::cell(std::size_t i) const {
+  const auto w = static_cast<std::size_t>(map_->width());
+  return map_->cell(static_cast<int>(i % w), static_cast<int>(i / w));
+}
+
+double TellApart::clearance(std::size_t i) const {
+  return distances_.cells().empty() ? kView_m : static_cast<double>(distances_.cells()[i]);
+}
+
+bool TellApart::open(std::size_t i) const {
+  return cell(i) == grid::Cell::kFree && clearance(i) > radius_m_;
+}
+
+std::vector<TellApart::Look> TellApart::view(const Point2& p_map, double yaw) const {
+  std::vector<Look> looks;
+  for (int i = 0; i < kRays; ++i) {
+    const double direction = yaw + 2.0 * kPi * i / kRays;
+    const double known_m = known_rays_.range(p_map, direction, kView_m);
+    const double range_m = rays_.range(p_map, direction, kView_m);
+    looks.push_back({std::min(known_m, range_m), known_m >= range_m});
+  }
+  return looks;
+}
+
+double TellApart::difference(const std::vector<Look>& a, const std::vector<Look>& b) {
+  if (a.empty() || b.empty()) return a.empty() == b.empty() ? 0.0 : 1.0;
+  int differ = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    // A look that ends where the map knows nothing may go on.
+    if ((a[i].ends && b[i].range_m > a[i].range_m + kDiffers_m) ||
+        (b[i].ends && a[i].range_m > b[i].range_m + kDiffers_m)) {
+      ++differ;
+    }
+  }
+  return std::min(1.0, static_cast<double>(differ) / (kPlainShare * kRays));
+}
+
+double TellApart::told(const std::vector<Claim>& claims, const Point2& p_map) const {
+  std::vector<std::vector<Look>> views;
+  for (const Claim& claim : claims) {
+    const Point2 p = transform(claim.T_claim_best, p_map);
+    // Within an obstacle there is no view: the robot would not get there, and notice on the way.
+    const bool stuck = fixed_distances_.at(p, kView_m) < 0.5 * radius_m_;
+    views.push_back(stuck ? std::vector<Look>() : view(p, claim.T_claim_best.phi));
+  }
+  double differs = 0.0;
+  double all = 0.0;
+  for (std::size_t i = 0; i < claims.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      const double weight = claims[i].share * claims[j].share;
+      differs += weight * difference(views[i], views[j]);
+      all += weight;
+    }
+  }
+  return differs / all;
+}
+
+std::vector<Point2> TellApart::way(const std::vector<Place>& places, double reach_m) const {
+  if (places.size() < 2) return {};
+  const Pose2& best = places.front().T_map_base.mean;
+  // Weights of candidates say too much while few scans have been seen.
+  std::vector<Claim> claims;
+  for (const Place& place : places) {
+    if (claims.size() == kMostClaims) break;
+    const Pose2& T = place.T_map_base.mean;
+    if (!claims.empty() && distance(T, best) < kSame_m &&
+        std::abs(angleDiff(T.phi, best.phi)) < kSame_rad) {
+      continue;
+    }
+    claims.push_back({compose(T, inverse(best)), std::sqrt(place.weight)});
+  }
+  if (claims.size() < 2 || claims[1].share <= 0.0) return {};
+
+  const auto w = static_cast<std::size_t>(map_->width());
+  const auto h = static_cast<std::size_t>(map_->height());
+  const double cell_m = map_->resolution();
+  const auto centre_of = [&](std::size_t cell) {
+    return transform(
+        map_->T_map_grid(),
+        {map_->corner().x + (static_cast<double>(cell % w) + 0.5) * cell_m,
+         map_->corner().y + (static_cast<double>(cell / w) + 0.5) * cell_m});
+  };
+  const Point2 p = transform(inverse(map_->T_map_grid()), {best.x, best.y});
+  const double u = (p.x - map_->corner().x) / cell_m;
+  const double v = (p.y - map_->corner().y) / cell_m;
+  if (!(u >= 0.0 && v >= 0.0 && u < static_cast<double>(w) && v < static_cast<double>(h))) {
+    return {};
+  }
+  const auto start = static_cast<std::size_t>(v) * w + static_cast<std::size_t>(u);
+  constexpr std::size_t kUnseen = static_cast<std::size_t>(-1);
+  std::vector<std::size_t> came_from(w * h, kUnseen);
+  std::vector<float> cost(w * h, std::numeric_limits<float>::infinity());
+  struct Reached {
+    float cost;  // of the way, more where it is narrow
+    std::size_t cell;
+    double way_m;
+    double turn_m;  // what it costs to turn there from where the robot faces
+    bool operator>(const Reached& o) const {
+      return std::tie(cost, cell) > std::tie(o.cost, o.cell);
+    }
+  };
+  std::priority_queue<Reached, std::vector<Reached>, std::greater<>> reached;
+  came_from[start] = start;
+  cost[start] = 0.0F;
+  reached.push({0.0F, start, 0.0, 0.0});
+  const auto turn_to = [&](std::size_t i) {
+    const Point2 first = centre_of(i);
+    const double bearing = std::atan2(first.y - best.y, first.x - best.x);
+    return kTurnBack_m / kPi * std::abs(angleDiff(bearing, best.phi));
+  };
+  const auto spacing = std::max<std::size_t>(1, static_cast<std::size_t>(kGoalSpacing_m / cell_m));
+  double most = 0.0;
+  std::size_t goal = start;
+  while (!reached.empty()) {
+    const Reached at = reached.top();
+    reached.pop();
+    if (at.cost > cost[at.cell]) continue;
+    if (at.way_m >= kNearest_m && (at.cell % w) % spacing == 0 && (at.cell / w) % spacing == 0) {
+      const double tells = told(claims, centre_of(at.cell));
+      const double gain = tells < kWorthIt ? 0.0 : tells / (at.way_m + at.turn_m + kSettingOut_m);
+      if (gain > most) {
+        most = gain;
+        goal = at.cell;
+      }
+    }
+    if (at.way_m + cell_m > reach_m) continue;
+    const std::size_t ix = at.cell % w;
+    const std::size_t iy = at.cell / w;
+    const auto visit = [&](std::size_t i) {
+      // The robot may stand nearer to an obstacle than it would go by itself.
+      if (cell(i) == grid::Cell::kOccupied || (!open(i) && at.way_m > 2.0 * radius_m_)) return;
+      const double narrow = std::max(0.0, 1.0 - clearance(i) / kWide_m);
+      const float through = at.cost + static_cast<float>(cell_m * (1.0 + kNarrowCost * narrow));
+      if (through >= cost[i]) return;
+      cost[i] = through;
+      came_from[i] = at.cell;
+      const bool sets_out = at.way_m < kFirst_m && at.way_m + cell_m >= kFirst_m;
+      reached.push({through, i, at.way_m + cell_m, sets_out ? turn_to(i) : at.turn_m});
+    };
+    if (ix > 0) visit(at.cell - 1);
+    if (ix + 1 < w) visit(at.cell + 1);
+    if (iy > 0) visit(at.cell - w);
+    if (iy + 1 < h) visit(at.cell + w);
+  }
+  std::vector<Point2> way;
+  for (std::size_t i = goal; i != start; i = came_from[i]) way.push_back(centre_of(i));
+  std::reverse(way.begin(), way.end());
+  return way;
+}
+
+}  // namespace vestibule::amcl
