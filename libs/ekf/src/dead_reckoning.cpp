@@ -77,7 +77,7 @@ void DeadReckoning::start(Timestamp stamp) {
 
 void DeadReckoning::addNoise(Motion& u) const {
   const WheelParams& wheels = params_->wheels;
-  const double path_m = u.rolling ? std::hypot(u.forward_m, u.left_m) : 0.0;
+  const double path_m = u.rolling ? std::sqrt(squared(u.forward_m) + squared(u.left_m)) : 0.0;
   const double doubt = slips_until_ && time_ < *slips_until_ ? kSlipInflation : 1.0;
   u.forward_var += doubt * squared(wheels.distance_sigma_sqrt_m) * path_m;
   u.left_var += doubt * (squared(wheels.lateral_sigma_sqrt_m) * path_m +

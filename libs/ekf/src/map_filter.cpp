@@ -40,20 +40,23 @@ struct MapFilter::Impl {
   UpdateReport process(const Input& input) {
     UpdateReport report;
     report.reason = unusable(input);
-    if (report.reason.empty()) report = history.insert(input);
-    const bool lost =
-        !report.reason.empty() && (report.reason == "not finite" || report.reason == "impossible" ||
-                                   report.reason == "stale" || report.reason == "duplicate");
-    if (lost) {
+    const bool unused = !report.reason.empty();
+    if (unused) {
       report.decision = Decision::kRejected;
+    } else {
+      report = history.insert(input);
+    }
+    if (unused || report.reason == "stale" || report.reason == "duplicate" ||
+        report.reason == "not finite") {
       ++dropped[report.reason];
     }
     // Wheels and IMU have nothing to be tested against: only what is lost of them is news. Nor are
     // headings that are left out because there are so many.
+    if (observers == nullptr) return report;
     const bool quiet = report.reason == kTooSoon || std::holds_alternative<Imu>(input) ||
                        std::holds_alternative<WheelOdometry>(input) ||
                        std::holds_alternative<ResetInput>(input);
-    if (observers != nullptr && !quiet) {
+    if (!quiet) {
       observers->emit(UpdateEvent{
           stampOf(input),
           sensorOf(input),
