@@ -25,7 +25,7 @@ void addEval(CLI::App& app, int& exit_code);
 void addBench(CLI::App& app, int& exit_code);
 void addCalibrate(CLI::App& app, int& exit_code);
 void addTune(CLI::App& app, int& exit_code);
-void addBenchLost(CLI::App& bench, int& exit_code);  ///< a subcommand of bench
+void addBenchLost(CLI::App& bench, int& exit_code);   ///< a subcommand of bench
 void addBenchSuite(CLI::App& bench, int& exit_code);  ///< a subcommand of bench
 
 /// Root of the source tree: shipped configuration, worlds and recordings.

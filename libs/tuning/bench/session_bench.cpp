@@ -42,7 +42,9 @@ BENCHMARK_CAPTURE(huskyCandidate, hidden_outage, "hidden_outage")->Unit(benchmar
 /// Scores of ten blocks as soon as they are asked for.
 class Nothing : public Subject {
  public:
-  [[nodiscard]] std::size_t drives(Role role) const override { return role == Role::kFinal ? 0 : 1; }
+  [[nodiscard]] std::size_t drives(Role role) const override {
+    return role == Role::kFinal ? 0 : 1;
+  }
   [[nodiscard]] std::string name(Role, std::size_t) const override { return "nothing"; }
   [[nodiscard]] double seconds(Role, std::size_t) const override { return 1.0; }
   [[nodiscard]] bool random() const override { return true; }
@@ -76,8 +78,8 @@ void sessionAroundNothing(benchmark::State& state) {
   for (auto _ : state) {
     ThreadWorkers workers(runner, 1);
     Journal journal("", "");
-    candidates += static_cast<std::int64_t>(
-        tune(session, space, subject, workers, journal, {}).tried.size());
+    candidates +=
+        static_cast<std::int64_t>(tune(session, space, subject, workers, journal, {}).tried.size());
   }
   state.SetItemsProcessed(candidates);
 }
