@@ -74,10 +74,6 @@ void Core::step(const Motion& u) {
 void Core::advance(Timestamp stamp) {
   const Motion u = reckoning_.advance(stamp);
   if (u.dt_s > 0.0) step(u);
-  settle();
-}
-
-void Core::settle() {
   odometry_.settle();
   if (ready_) map_.settle();
 }
@@ -85,13 +81,11 @@ void Core::settle() {
 UpdateReport Core::take(const Imu& imu) {
   step(reckoning_.process(imu, odometry_.state().gyro_bias));
   if (reckoning_.standstill() && last_imu_ && params().use.imuYawRate()) {
-    settle();
     const double interval_s = toSeconds(imu.stamp - *last_imu_);
     odometry_.offerZeroRate(reckoning_.rate(), interval_s);
     if (ready_) map_.offerZeroRate(reckoning_.rate(), interval_s);
   }
   if (!params().plane && params().use.imuAcceleration() && reckoning_.hasForce()) {
-    settle();
     const Eigen::Vector3d own = reckoning_.ownAcceleration(odometry_.state().gyro_bias);
     odometry_.offerGravity(reckoning_.force(), own);
     if (ready_) map_.offerGravity(reckoning_.force(), own);
@@ -105,7 +99,6 @@ UpdateReport Core::take(const WheelOdometry& wheels) {
   const auto& turn = reckoning_.wheelTurn();
   if (turn && std::max(std::abs(turn->gyro_rad), std::abs(turn->wheels_rad)) >
                   params().wheels.learn_above_radps * turn->dt_s) {
-    settle();
     const auto offer = [&turn](Tracker& tracker) {
       return tracker.offerWheelTurn(turn->wheels_rad, turn->gyro_rad, turn->forward_m, turn->dt_s);
     };

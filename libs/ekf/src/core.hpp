@@ -48,9 +48,8 @@ class Core {
   UpdateReport take(const ResetInput& reset);
 
   void step(const Motion& u);
-  /// To a stamp at which nothing is said of the motion.
+  /// To a stamp at which nothing is said of the motion, covariances included.
   void advance(Timestamp stamp);
-  void settle();
   void begin(const PoseWithCovariance& T_map_base);
   /// Starts where a fix puts a base of this yaw.
   void begin(const MapFix& fix, const Eigen::Matrix3d& R, double yaw_rad, double yaw_sigma_rad);

@@ -188,6 +188,7 @@ UpdateReport Tracker::offer(Observation z, double inflation) {
     report.reason = "not finite";
     return report;
   }
+  settle();
   const Correlation c = Engine::correlation(P_, z);
   UpdateReport report = tested(z, c);
   if (report.decision == Decision::kGated) return report;
@@ -250,6 +251,7 @@ UpdateReport Tracker::offerHeading(const Heading& heading) {
 }
 
 void Tracker::replace(int first, int count, double variance) {
+  settle();
   if (tape_ != nullptr) tape_->replaced(first, count);
   for (int i = first; i < first + count; ++i) {
     P_.row(i).setZero();
@@ -314,6 +316,7 @@ void Tracker::offerZeroRate(const Eigen::Vector3d& omega_radps, double interval_
 
 UpdateReport Tracker::offerWheelTurn(
     double wheels_rad, double gyro_rad, double forward_m, double dt_s) {
+  settle();
   const WheelParams& p = shared_->params.wheels;
   const double sigma = std::hypot(
       p.yaw_sigma_per_rad * std::sqrt(std::abs(wheels_rad)),
@@ -375,6 +378,7 @@ void Tracker::positionFromGnss(std::optional<double> height_m) {
 }
 
 void Tracker::doubtMotion(bool turned) {
+  settle();
   Transition doubt;  // nothing moves
   if (turned) {
     doubt.rest_noise[kGyroBias + 2 - Transition::kTop] = squared(kDoubtedBias);

@@ -45,9 +45,10 @@ class Tracker {
   /// Starts at a pose in the plane, the heading sensor's offset unknown. \param learnt  height,
   /// tilt and what is known of wheels and IMU are taken from it; null = nothing is known
   void start(const PoseWithCovariance& T, const Tracker* learnt);
-  /// Moves the state. The covariance follows with settle(), for steps of a tenth of a second.
+  /// Moves the state. The covariance follows in steps of a tenth of a second, and before whatever
+  /// changes it.
   void step(Motion u);
-  /// Brings the covariance to the state's time. Needed before updates and tests.
+  /// Brings the covariance to the state's time: before it is only looked at.
   void settle();
   /// \param inflation  of R when the measurement is used; the test is against R itself
   UpdateReport offer(Observation z, double inflation = 1.0);

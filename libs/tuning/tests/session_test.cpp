@@ -7,6 +7,7 @@
 
 #include "session_target.hpp"
 #include "test_files.hpp"
+#include "tuning_test_support.hpp"
 #include "vestibule/core/errors.hpp"
 #include "vestibule/core/random.hpp"
 #include "vestibule/tuning/search_space.hpp"
@@ -34,14 +35,7 @@ Session parsed(const std::string& yaml) {
   return parseSession(yaml, "s.yaml", shipped("config/scenarios"));
 }
 
-std::string complaint(const std::string& yaml) {
-  try {
-    (void)parsed(yaml);
-  } catch (const ConfigError& e) {
-    return e.what();
-  }
-  return "no complaint";
-}
+std::string complaint(const std::string& yaml) { return test::complaintOf(parsed, yaml); }
 
 std::string replaced(std::string text, const std::string& from, const std::string& to) {
   return text.replace(text.find(from), from.size(), to);

@@ -37,14 +37,7 @@ Suite parsed(const std::string& yaml) {
   return parseSuite(yaml, "suite.yaml", shipped("config/scenarios"));
 }
 
-std::string complaint(const std::string& yaml) {
-  try {
-    (void)parsed(yaml);
-  } catch (const ConfigError& e) {
-    return e.what();
-  }
-  return "no complaint";
-}
+std::string complaint(const std::string& yaml) { return test::complaintOf(parsed, yaml); }
 
 /// Runs a suite on a formula; counts the runs.
 SuiteResult done(

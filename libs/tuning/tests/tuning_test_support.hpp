@@ -5,10 +5,22 @@
 #include <string>
 #include <vector>
 
+#include "vestibule/core/errors.hpp"
 #include "vestibule/core/random.hpp"
 #include "vestibule/tuning/engine.hpp"
 
 namespace vestibule::tuning::test {
+
+/// What a parser says of a text that it refuses.
+template <class Parse>
+std::string complaintOf(const Parse& parse, const std::string& text) {
+  try {
+    (void)parse(text);
+  } catch (const ConfigError& e) {
+    return e.what();
+  }
+  return "no complaint";
+}
 
 /// A subject whose scores are a formula of two tuned parameters.
 class FormulaSubject : public Subject {
