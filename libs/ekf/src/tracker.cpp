@@ -1,6 +1,7 @@
 #include "tracker.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -370,9 +371,12 @@ UpdateReport Tracker::useGnss(
 void Tracker::positionFromGnss(std::optional<double> height_m) {
   if (height_m && !shared_->model.planar()) x_.p.z() = *height_m;
   const int axes = shared_->model.planar() ? 2 : 3;
-  const double variance = squared(gnss_.slow_sigma_m);
+  // No more than the position errs by in its surest direction: a fix may claim a thin ellipse.
+  const Eigen::MatrixXd P_position = P_.block(kPos, kPos, axes, axes);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(P_position, Eigen::EigenvaluesOnly);
+  const double shared =
+      std::min(squared(gnss_.slow_sigma_m), 0.999 * std::max(0.0, eigen.eigenvalues()[0]));
   for (int i = 0; i < axes; ++i) {
-    const double shared = std::min(variance, 0.999 * P_(kPos + i, kPos + i));
     P_(kPos + i, kGnssBias + i) = P_(kGnssBias + i, kPos + i) = -shared;
   }
 }

@@ -52,6 +52,23 @@ TEST(Fuzz, NothingBreaksTheFilter) {
   EXPECT_GT(dropped["impossible"], sequences / 100);
 }
 
+TEST(Fuzz, AFixThatClaimsAThinEllipseAcrossTheAxesMayStartTheFilter) {
+  FilterParams params;
+  params.plane = false;
+  params.init.trust_heading = true;
+  MapFilter filter(params, SensorRig());
+  const Timestamp stamp{1'000'000'000};
+  (void)filter.process(Heading{stamp, 0.3, 0.02, {}});
+  MapFix fix;
+  fix.stamp = stamp;
+  fix.type = GnssFixType::kDifferential;
+  fix.cov = Eigen::Matrix3d();
+  *fix.cov << 36.0, 35.0, 0.0, 35.0, 36.0, 0.0, 0.0, 0.0, 36.0;
+  (void)filter.process(fix);
+  ASSERT_TRUE(filter.ready());
+  EXPECT_EQ(fuzz::faultOf(filter), "");
+}
+
 TEST(Fuzz, BytesOfAnyKindAreASequence) {
   // What the libFuzzer target does, without its guidance.
   for (std::uint64_t index = 0; index < 300; ++index) {
