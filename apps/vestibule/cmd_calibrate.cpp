@@ -231,6 +231,44 @@ std::string rigYaml(const Calibration& c, const pipeline::Config& config) {
          "\n  imu_upside_down: " + (config.rig.imu_sign_z < 0.0 ? "true" : "false") + "\n";
 }
 
+/// The deviation as a file for --config.
+std::string compassYaml(const Calibration& c) {
+  constexpr double kLeastSigma_deg = 1.0;
+  std::string coefficients;
+  double variance = kLeastSigma_deg * kLeastSigma_deg;
+  for (const Quantity& q : c.quantities) {
+    coefficients += (coefficients.empty() ? "" : ", ") + tuning::shortNumber(q.value);
+    variance += q.sigma * q.sigma;
+  }
+  return "rig:\n  compass:\n    deviation_deg: [" + coefficients +
+         "]\n    sigma_deg: " + tuning::shortNumber(std::sqrt(variance)) + "\n";
+}
+
+void calibrateCompass(const Arguments& args, int& exit_code) {
+  const pipeline::Config config = pipeline::loadConfig(args.config);
+  RunOutput output(args.out, "calibrate compass", config);
+  ProgressBar bar("calibrate compass");
+  const auto data = tuning::readCompass(
+      args.log, args.ref, recordingOptions(args, config), config, bar.callback());
+  const Calibration c = tuning::calibrateCompass(data.readings, data.reference, config.rig.compass);
+  output.timing(bar.wallSeconds(), 0.0);
+  output.summary()["input"] = args.log;
+  output.summary()["reference"] = data.reference_name;
+  gui_headless::ReportSection section;
+  section.title = "Compass against " + data.reference_name;
+  exit_code = kDone;
+  report(c, output, section, exit_code);
+  const bool whole = std::all_of(c.quantities.begin(), c.quantities.end(), [](const Quantity& q) {
+    return q.unobserved.empty();
+  });
+  if (whole) {
+    output.text("calibrated.yaml", compassYaml(c));
+  } else {
+    exit_code = kFailedPurpose;
+  }
+  finish(args, "compass", output, std::move(section));
+}
+
 void calibrateMount(const Arguments& args, int& exit_code) {
   const pipeline::Config config = pipeline::loadConfig(args.config);
   RunOutput output(args.out, "calibrate mount", config);
@@ -278,6 +316,9 @@ void addCalibrate(CLI::App& app, int& exit_code) {
   odometry->callback([args, &exit_code] { calibrateOdometry(*args, exit_code); });
   addKind(*command, "offsets", "how late the stamps of each sensor are", *args)
       ->callback([args, &exit_code] { calibrateOffsets(*args, exit_code); });
+  CLI::App* compass = addKind(*command, "compass", "deviation over the heading", *args);
+  compass->add_option("--ref", args->ref, "reference trajectory (TUM)");
+  compass->callback([args, &exit_code] { calibrateCompass(*args, exit_code); });
   addKind(*command, "mount", "antenna lever arm, IMU yaw, laser pose", *args)
       ->callback([args, &exit_code] { calibrateMount(*args, exit_code); });
 }

@@ -18,6 +18,8 @@ constexpr double kVelocityLag_s = 0.1;
 /// Fixes creep: so far from one to the next [sigma], for so long.
 constexpr double kCreepSigmas = 5.0;
 constexpr double kCreep_s = 1.0;
+/// Within an estimated slow error fixes wander as fast as this.
+constexpr double kWander_s = 30.0;
 /// Variances raised by less are not worth saying.
 constexpr double kWorthSaying = 1.1;
 
@@ -54,6 +56,7 @@ Core::Core(const Shared& shared, const SensorRig& rig)
       bank_(shared.params),
       realignment_(shared.params),
       screen_(shared.params, rig.p_base_antenna),
+      drift_(shared.params.gnss.drift_window_s),
       fix_noise_{NoiseScale(shared.params), NoiseScale(shared.params), NoiseScale(shared.params)},
       velocity_noise_(shared.params) {}
 
@@ -202,6 +205,7 @@ void Core::begin(const PoseWithCovariance& T_map_base) {
   }
   ready_ = true;
   screen_.forget();
+  drift_.forget();
   jumped_since_.reset();
   if (heading_ && toSeconds(reckoning_.time() - heading_->stamp) < kHeadingAge_s) {
     (void)map_.offerHeading(*heading_);
@@ -235,10 +239,16 @@ UpdateReport Core::initialise(const MapFix& fix, const GnssScreen::Worth& worth)
   const HeadingParams& p = params().heading;
   const double sigma =
       heading_ ? std::max(heading_->sigma_rad.value_or(0.0), p.sigma_rad) : p.sigma_rad;
+  const bool calibrated = heading_ && heading_->offset_sigma_rad;
   // A sensor that doubts itself is not trusted, whatever the configuration says.
-  if (params().init.trust_heading && heading_ && sigma <= params().init.max_yaw_sigma_rad &&
+  if ((params().init.trust_heading || calibrated) && heading_ &&
+      sigma <= params().init.max_yaw_sigma_rad &&
       std::abs(toSeconds(fix.stamp - heading_->stamp)) < kHeadingAge_s) {
-    begin(fix, worth.R, heading_->yaw_rad, std::hypot(sigma, p.offset_sigma_rad));
+    begin(
+        fix,
+        worth.R,
+        heading_->yaw_rad,
+        std::hypot(sigma, heading_->offset_sigma_rad.value_or(p.offset_sigma_rad)));
   } else {
     alignment_.add(
         fix.stamp,
@@ -276,9 +286,15 @@ UpdateReport Core::fuse(const MapFix& fix, const GnssScreen::Worth& worth) {
   const double scale = fixNoise(worth.kind).value();
   fixNoise(worth.kind).note(fix.stamp, test.against_any.nis / test.against_any.dof);
   if (doubtMotion(fix, worth, test)) test = map_.testGnss(fix.p_map_antenna, lever);
+  const double drift_nis = driftNis(fix, worth);
+  const bool drifts = drift_nis > shared_->gate.limit(2);
   if (screen_.tooFast(fix, worth.sigma_m)) {
     test.against_any.decision = Decision::kGated;
     test.against_any.reason = "speed";
+  } else if (drifts && test.against_any.decision != Decision::kGated) {
+    test.against_any.decision = Decision::kGated;
+    test.against_any.reason = "drift";
+    test.against_any.nis = drift_nis;
   }
   if (test.against_any.decision == Decision::kGated) {
     if (!recover(fix, worth)) return test.against_any;
@@ -298,10 +314,19 @@ UpdateReport Core::fuse(const MapFix& fix, const GnssScreen::Worth& worth) {
     map_.forgetGnssError();
     reason = "relearn";
   }
-  UpdateReport report = map_.useGnss(fix.p_map_antenna, lever, std::max(worth.repeats, scale));
+  const double doubt = std::max(1.0, drift_nis / shared_->gate.soft(2));
+  UpdateReport report =
+      map_.useGnss(fix.p_map_antenna, lever, doubt * std::max(worth.repeats, scale));
   if (!reason.empty()) report.reason = reason;
   if (scale > worth.repeats) tellNoise(report, scale);
-  if (report.decision != Decision::kGated) trustGnss(fix);
+  if (report.decision == Decision::kGated) return report;
+  trustGnss(fix);
+  if (doubt > 1.0) {
+    report.decision = Decision::kDownWeighted;
+    report.reason = "drift";
+  } else {
+    drift_.good(seenByBoth(fix));
+  }
   return report;
 }
 
@@ -346,6 +371,24 @@ void Core::trustGnss(const MapFix& fix) {
   jumped_since_.reset();
 }
 
+GnssDrift::Fix Core::seenByBoth(const MapFix& fix) const {
+  const Point2 p_odom = transform(odometry_.pose().mean, rig_->p_base_antenna);
+  return {fix.stamp, fix.p_map_antenna.head<2>(), {p_odom.x, p_odom.y}};
+}
+
+double Core::driftNis(const MapFix& fix, const GnssScreen::Worth& worth) const {
+  // Carrier-phase fixes do not wander: where they creep away it is the motion that is wrong. With
+  // corrections the error moves as fast as the corrections change, and stays small.
+  if (worth.kind != FixKind::kCode) return 0.0;
+  const GnssErrorModel error = errorModel(worth.kind, params().gnss);
+  GnssDrift::Noise noise;
+  noise.sigma_m = worth.sigma_m;
+  noise.correlation_s =
+      error.slow_share > 0.0 ? std::min(error.correlation_s, kWander_s) : error.correlation_s;
+  noise.yaw_sigma_rad = map_.sigmaOf(kAtt + 2);
+  return drift_.nis(seenByBoth(fix), map_.state().yaw() - odometry_.state().yaw(), noise);
+}
+
 bool Core::recover(const MapFix& fix, const GnssScreen::Worth& worth) {
   const Pose2 T_odom_base = odometry_.pose().mean;
   const auto cluster = screen_.refused(fix, worth.sigma_m, T_odom_base, map_.state().yaw());
@@ -353,6 +396,7 @@ bool Core::recover(const MapFix& fix, const GnssScreen::Worth& worth) {
     map_.resetPosition(cluster->p_map_base, cluster->cov);
     map_.forgetGnssError();
     map_.positionFromGnss(std::nullopt);
+    drift_.forget();
     return true;
   }
   if (!refused_since_) refused_since_ = fix.stamp;

@@ -6,6 +6,7 @@
 
 #include "alignment.hpp"
 #include "dead_reckoning.hpp"
+#include "gnss_drift.hpp"
 #include "gnss_screen.hpp"
 #include "heading_bank.hpp"
 #include "inputs.hpp"
@@ -57,6 +58,8 @@ class Core {
   void begin(const TrackAlignment::Result& found, const MapFix& fix);
   UpdateReport initialise(const MapFix& fix, const GnssScreen::Worth& worth);
   UpdateReport fuse(const MapFix& fix, const GnssScreen::Worth& worth);
+  [[nodiscard]] GnssDrift::Fix seenByBoth(const MapFix& fix) const;
+  [[nodiscard]] double driftNis(const MapFix& fix, const GnssScreen::Worth& worth) const;
   /// Tries to find the pose again from fixes that were all refused.
   bool recover(const MapFix& fix, const GnssScreen::Worth& worth);
   /// Carrier-phase fixes that creep away from the estimate are right: it is the motion that is
@@ -79,6 +82,7 @@ class Core {
   HeadingBank bank_;            ///< likewise
   TrackAlignment realignment_;  ///< of fixes refused in a row
   GnssScreen screen_;
+  GnssDrift drift_;
   std::array<NoiseScale, 3> fix_noise_;  ///< by FixKind
   NoiseScale velocity_noise_;
   std::optional<Timestamp> last_imu_;

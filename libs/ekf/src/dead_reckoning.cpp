@@ -10,6 +10,8 @@ namespace {
 /// says little of what lay between its samples.
 constexpr double kMotionTime_s = 0.2;
 constexpr double kChangeMemory = 0.8;
+/// Slower turns may be noise of the gyro.
+constexpr double kStraight_radps = 0.05;
 /// Turn of a robot whose wheels stand and whose gyro is quiet [rad/sqrt(s)].
 constexpr double kStandingTurn = 1e-4;
 /// Unseen turns of a robot without gyro and wheels' yaw rate [rad/sqrt(s)].
@@ -110,7 +112,11 @@ void DeadReckoning::addNoise(Motion& u) const {
   u.gyro_bias_var = squared(params_->gyro.bias_walk_radps_sqrt_s) * u.dt_s;
   u.accel_bias_var = squared(params_->accel.bias_walk_mps2_sqrt_s) * u.dt_s;
   u.wheel_scale_var = squared(wheels.scale_walk_sqrt_m) * path_m;
-  u.heading_offset_var = squared(params_->heading.offset_walk_rad_sqrt_s) * u.dt_s;
+  const HeadingParams& heading = params_->heading;
+  u.heading_offset_var =
+      squared(heading.offset_walk_rad_sqrt_s) * u.dt_s +
+      squared(heading.turn_offset_rad_sqrt_rad) *
+          std::max(0.0, std::abs(u.turn_rad.z()) - kStraight_radps * u.dt_s);
   u.disturbance_decay = std::exp(-u.dt_s / params_->heading.disturbance_time_s);
   u.disturbance_var =
       squared(params_->heading.disturbance_sigma_rad) * (1.0 - squared(u.disturbance_decay));

@@ -80,6 +80,7 @@ struct Content {
       n.push_back(m.tilt->roll_rad);
       n.push_back(m.tilt->pitch_rad);
     }
+    add(n, m.offset_sigma_rad);
     return n;
   }
   Numbers operator()(const WheelOdometry& m) const {

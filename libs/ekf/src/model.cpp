@@ -60,6 +60,7 @@ State arrived(const State& x, const Motion& u, const Course& c) {
   next.v = c.v_end;
   next.q = c.q_end;
   next.gnss_bias *= u.gnss_bias_decay;
+  next.heading_offset *= u.heading_offset_decay;
   next.disturbance *= u.disturbance_decay;
   return next;
 }
@@ -86,11 +87,13 @@ void Motion::append(const Motion& next) {
   wheel_skew_var += next.wheel_skew_var;
   track_var += next.track_var;
   icr_var += next.icr_var;
-  heading_offset_var += next.heading_offset_var;
 
   const auto decayed = [](double var, double decay) { return decay * decay * var; };
   gnss_bias_var = decayed(gnss_bias_var, next.gnss_bias_decay) + next.gnss_bias_var;
   gnss_bias_decay *= next.gnss_bias_decay;
+  heading_offset_var =
+      decayed(heading_offset_var, next.heading_offset_decay) + next.heading_offset_var;
+  heading_offset_decay *= next.heading_offset_decay;
   disturbance_var = decayed(disturbance_var, next.disturbance_decay) + next.disturbance_var;
   disturbance_decay *= next.disturbance_decay;
 }
@@ -128,6 +131,7 @@ Model::Predicted Model::predict(const State& x, const Motion& u) const {
   auto& A = t.coupling;
   t.keep.segment<3>(kVel).setZero();
   t.keep.segment<3>(kGnssBias).setConstant(u.gnss_bias_decay);
+  t.keep[kHeadingOffset] = u.heading_offset_decay;
   t.keep[kDisturbance] = u.disturbance_decay;
 
   // What a turn error about each base axis does to position, velocity and attitude.

@@ -88,6 +88,8 @@ void describe(ParamIo& io, HeadingParams& p) {
   io.optionalDegrees("sigma_deg", p.sigma_rad, positive());
   io.optionalDegrees("offset_walk_deg_sqrt_s", p.offset_walk_rad_sqrt_s, nonNegative());
   io.optionalDegrees("offset_sigma_deg", p.offset_sigma_rad, positive());
+  io.optionalDegrees("turn_offset_deg_sqrt_rad", p.turn_offset_rad_sqrt_rad, nonNegative());
+  io.optional("calibrated_offset_time_s", p.calibrated_offset_time_s, positive());
   io.optionalDegrees("disturbance_sigma_deg", p.disturbance_sigma_rad, nonNegative());
   io.optional("disturbance_time_s", p.disturbance_time_s, positive());
   io.optional("relearn_after_s", p.relearn_after_s, positive());
@@ -113,6 +115,7 @@ void describe(ParamIo& io, GnssParams& p) {
   io.optional("max_sigma_m", p.max_sigma_m, positive());
   io.optional("max_speed_mps", p.max_speed_mps, positive());
   io.optional("relearn_after_s", p.relearn_after_s, positive());
+  io.optional("drift_window_s", p.drift_window_s, nonNegative());
   io.optional("adapt_time_s", p.adapt_time_s, nonNegative());
   io.optional("adapt_most", p.adapt_most, within(1.0, 100.0));
   io.optional("velocity_sigma_mps", p.velocity_sigma_mps, positive());

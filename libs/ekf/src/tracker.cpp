@@ -130,6 +130,10 @@ void Tracker::start(const PoseWithCovariance& T, const Tracker* learnt) {
 
 void Tracker::step(Motion u) {
   u.disturbance_var = disturbance_var_ * (1.0 - squared(u.disturbance_decay));
+  if (calibrated_sigma_ > 0.0) {
+    u.heading_offset_decay = std::exp(-u.dt_s / shared_->params.heading.calibrated_offset_time_s);
+    u.heading_offset_var = squared(calibrated_sigma_) * (1.0 - squared(u.heading_offset_decay));
+  }
   if (mode_ == Pose::kCorrected) {
     u.gnss_bias_decay = std::exp(-u.dt_s / gnss_.correlation_s);
     u.gnss_bias_var = squared(gnss_.slow_sigma_m) * (1.0 - squared(u.gnss_bias_decay));
@@ -219,15 +223,14 @@ UpdateReport Tracker::offerHeading(const Heading& heading) {
   const HeadingParams& p = shared_->params.heading;
   const Model& model = shared_->model;
   const double sigma = std::max(heading.sigma_rad.value_or(0.0), p.sigma_rad);
+  if (mode_ == Pose::kCorrected) calibrated_sigma_ = heading.offset_sigma_rad.value_or(0.0);
   if (!heading_known_) {
     const double difference = angleDiff(heading.yaw_rad, x_.yaw());
+    const double offset_sigma = calibrated_sigma_ > 0.0 ? calibrated_sigma_ : p.offset_sigma_rad;
     const double usual =
-        std::sqrt(squared(p.offset_sigma_rad) + disturbance_var_ + squared(sigmaOf(kAtt + 2)));
-    if (mode_ == Pose::kCorrected && std::abs(difference) < 2.0 * usual) {
-      learnHeadingOffset(0.0, p.offset_sigma_rad);
-    } else {
-      learnHeadingOffset(difference, kUnknownAngle);
-    }
+        std::sqrt(squared(offset_sigma) + disturbance_var_ + squared(sigmaOf(kAtt + 2)));
+    learnHeadingOffset(0.0, offset_sigma);
+    if (mode_ == Pose::kContinuous || std::abs(difference) >= 2.0 * usual) doubtHeading(difference);
     heading_known_ = true;
     UpdateReport report = offer(model.heading(x_, heading.yaw_rad, sigma));
     report.reason = "initialised";
@@ -243,7 +246,7 @@ UpdateReport Tracker::offerHeading(const Heading& heading) {
   if (!heading_rejected_since_) heading_rejected_since_ = heading.stamp;
   if (toSeconds(heading.stamp - *heading_rejected_since_) > p.relearn_after_s) {
     // The sensor keeps saying so: whatever turned it, it can be used again from here on.
-    learnHeadingOffset(angleDiff(heading.yaw_rad, x_.yaw()), kUnknownAngle);
+    doubtHeading(angleDiff(heading.yaw_rad, x_.yaw()));
     heading_rejected_since_.reset();
     (void)offer(model.heading(x_, heading.yaw_rad, sigma));
     report.reason = "relearn";
@@ -266,6 +269,15 @@ void Tracker::learnHeadingOffset(double mean_rad, double sigma_rad) {
   x_.disturbance = 0.0;
   replace(kHeadingOffset, 1, squared(sigma_rad));
   replace(kDisturbance, 1, disturbance_var_);
+}
+
+void Tracker::doubtHeading(double difference_rad) {
+  if (calibrated_sigma_ == 0.0) {
+    learnHeadingOffset(difference_rad, kUnknownAngle);
+    return;
+  }
+  x_.disturbance = difference_rad - x_.heading_offset;
+  replace(kDisturbance, 1, squared(kUnknownAngle));
 }
 
 void Tracker::learnDisturbance(

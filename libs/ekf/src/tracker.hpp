@@ -99,6 +99,9 @@ class Tracker {
   /// The gate alone: what `z` would meet.
   [[nodiscard]] UpdateReport tested(const Observation& z, const Correlation& c) const;
   void learnHeadingOffset(double mean_rad, double sigma_rad);
+  /// The heading sensor may be off by anything near `difference_rad`: by its offset, or, where that
+  /// is calibrated, by something that passes.
+  void doubtHeading(double difference_rad);
   void learnDisturbance(const UpdateReport& report, const Heading& heading, double residual_rad);
   void update(const Observation& z, const Correlation& c);
   void replace(int first, int count, double variance);
@@ -119,7 +122,8 @@ class Tracker {
   bool tilt_known_ = false;
   std::optional<Timestamp> heading_rejected_since_;
   std::optional<Timestamp> last_heading_;
-  double disturbance_var_ = 0.0;  ///< [rad^2] as usual where the robot drives, learnt
+  double calibrated_sigma_ = 0.0;  ///< [rad] of the heading's offset; 0: it is not calibrated
+  double disturbance_var_ = 0.0;   ///< [rad^2] as usual where the robot drives, learnt
   GnssNoise gnss_;
   Tape* tape_ = nullptr;
 };

@@ -36,6 +36,7 @@ void describe(ParamIo& io, CsvGnss& gnss) {
   io.optional("y", gnss.y);
   io.optional("z", gnss.z);
   io.optional("axes", gnss.axes, axesNames());
+  io.optional("origin_m", gnss.origin_m, 2, 2);
   io.optional("type", gnss.type, kTypes);
   io.optional("sigma_m", gnss.sigma_m, positive());
   io.optional("sigma_vertical_m", gnss.sigma_vertical_m, positive());
@@ -69,6 +70,7 @@ void describe(ParamIo& io, CsvHeading& heading) {
   if (heading.sigma_rad) sigma_deg = radToDeg(*heading.sigma_rad);
   io.optional("sigma_deg", sigma_deg, positive());
   if (sigma_deg) heading.sigma_rad = degToRad(*sigma_deg);
+  io.section("compass", heading.compass);
   io.optional("optional", heading.optional);
   io.optional("emit", heading.emit);
   io.optional("delay_s", heading.delay_s, kDelays);

@@ -191,13 +191,16 @@ class CsvReader : public RecordingReader {
     }
     double yaw_rad = *cell * heading.unit_rad;
     if (heading.clockwise_from_north) yaw_rad = yawFromBearing(yaw_rad);
-    yaw_rad = wrapToPi(yaw_rad + heading.offset_rad);
     const Timestamp stamp = delayed(heading.delay_s);
+    const CompassDeviation& compass = heading.compass.known() ? heading.compass : rig_.compass;
+    const Heading measured = compass.corrected(
+        {stamp, wrapToPi(yaw_rad + heading.offset_rad), heading.sigma_rad, std::nullopt});
+    yaw_rad = measured.yaw_rad;
     if (mapping_.yaw_rate && mapping_.yaw_rate->from_heading && yaw_ && dt_s > 0.0) {
       pushRate(stamp, angleDiff(yaw_rad, *yaw_) / dt_s);
     }
     yaw_ = yaw_rad;
-    if (heading.emit) push("heading", stamp, Heading{stamp, yaw_rad, heading.sigma_rad, {}});
+    if (heading.emit) push("heading", stamp, measured);
   }
 
   void takeYawRate() {
@@ -230,7 +233,7 @@ class CsvReader : public RecordingReader {
       }
       fix.position = Geodetic{*a, *b, up_m};
     } else {
-      const Point2 p = toEastNorth(*a, *b, gnss.axes);
+      const Point2 p = toEastNorth(*a - gnss.origin_m[0], *b - gnss.origin_m[1], gnss.axes);
       fix.position = LocalPosition{p.x, p.y, up_m};
     }
     auto& previous = gnss_previous_[index];

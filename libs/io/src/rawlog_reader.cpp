@@ -274,7 +274,10 @@ class RawlogReader : public RecordingReader {
     }
     if (obs.has(IMU_YAW)) {
       const double mount_yaw = std::atan2(R_base_imu(1, 0), R_base_imu(0, 0));
-      push(obs, Heading{stamp, angleDiff(obs.get(IMU_YAW), mount_yaw), std::nullopt, std::nullopt});
+      push(
+          obs,
+          rig_.compass.corrected(
+              {stamp, angleDiff(obs.get(IMU_YAW), mount_yaw), std::nullopt, std::nullopt}));
     }
   }
 

@@ -107,7 +107,9 @@ CsvMapping chooseCsvMapping(const std::string& path, const RecordingOptions& opt
 }
 
 std::unique_ptr<RecordingReader> openRecording(
-    const std::string& path, const RecordingOptions& options) {
+    const std::string& path, const RecordingOptions& asked) {
+  RecordingOptions options = asked;
+  if (!options.correct_headings) options.rig.compass = {};
   auto stream = openFile(path);
   switch (formatOf(path, readHead(*stream))) {
     case Format::kRawlog:
@@ -121,7 +123,9 @@ std::unique_ptr<RecordingReader> openRecording(
     case Format::kCsv:
       break;
   }
-  return openCsv(std::move(stream), chooseCsvMapping(path, options), options.rig);
+  CsvMapping mapping = chooseCsvMapping(path, options);
+  if (!options.correct_headings && mapping.heading) mapping.heading->compass = {};
+  return openCsv(std::move(stream), mapping, options.rig);
 }
 
 std::optional<Trajectory> readReference(const std::string& path, const RecordingOptions& options) {

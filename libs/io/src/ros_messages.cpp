@@ -121,7 +121,7 @@ void RosMessages::take(std::size_t number, const std::string& topic, const senso
   heading.yaw_rad = yawOf(R);
   heading.tilt = Tilt{std::atan2(R(2, 1), R(2, 2)), -std::asin(std::clamp(R(2, 0), -1.0, 1.0))};
   if (m.orientation_covariance[8] > 0.0) heading.sigma_rad = std::sqrt(m.orientation_covariance[8]);
-  queue_.push_back({number, topic, heading});
+  queue_.push_back({number, topic, rig_.compass.corrected(heading)});
 }
 
 void RosMessages::take(std::size_t number, const std::string& topic, const nav_msgs::Odometry& m) {

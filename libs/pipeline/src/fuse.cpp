@@ -139,7 +139,9 @@ class Fusion {
       const double moved_m = was_ready ? distance(before, filter_.pose().mean) : 0.0;
       words_.fix(fix->stamp, p.head<2>(), report, moved_m);
     } else if (const auto* heading = std::get_if<Heading>(&measurement)) {
-      if (!first_yaw_) first_yaw_ = heading->yaw_rad;
+      if (!first_yaw_ && (trust_heading_ || heading->offset_sigma_rad)) {
+        first_yaw_ = heading->yaw_rad;
+      }
       words_.heading(heading->stamp, report);
     } else if (const auto* wheels = std::get_if<WheelOdometry>(&measurement)) {
       if (filter_.time() == wheels->stamp) output();
@@ -209,8 +211,7 @@ class Fusion {
     if (!result.ready_after_s) {
       // Without any fix the odometry frame is all there is; a trusted heading turns it to the
       // north.
-      const double yaw = trust_heading_ && first_yaw_ ? *first_yaw_ : 0.0;
-      placeHeldBack(Pose2(0, 0, yaw), Eigen::Matrix3d::Zero());
+      placeHeldBack(Pose2(0, 0, first_yaw_.value_or(0.0)), Eigen::Matrix3d::Zero());
     }
     if (options_.smooth) smooth();
     for (std::size_t i = 1; i < result.trajectory.size(); ++i) {

@@ -14,6 +14,7 @@ void describe(ParamIo& io, SensorRig& rig) {
   bool upside_down = rig.imu_sign_z < 0.0;
   io.optional("imu_upside_down", upside_down);
   rig.imu_sign_z = upside_down ? -1.0 : 1.0;
+  io.section("compass", rig.compass);
 }
 
 }  // namespace vestibule

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <map>
 
 #include "filter_replay.hpp"
 #include "least_squares.hpp"
@@ -54,50 +53,6 @@ Sensors read(
       },
       progress);
   return s;
-}
-
-double medianSize(std::vector<double> r) {
-  for (double& x : r) x = std::abs(x);
-  const auto middle = r.begin() + static_cast<std::ptrdiff_t>(r.size() / 2);
-  std::nth_element(r.begin(), middle, r.end());
-  return *middle;
-}
-
-/// Sizes of misfits by group: those of all, or those of its own group where that is worse (fixes
-/// without corrections, wheels that slip).
-std::vector<double> sizesOf(const std::vector<double>& misfits, const std::vector<int>& groups) {
-  std::map<int, std::vector<double>> of_group;
-  for (std::size_t i = 0; i < misfits.size(); ++i) of_group[groups[i]].push_back(misfits[i]);
-  std::map<int, double> size;
-  const double all = std::max(1e-4, 1.4826 * medianSize(misfits));
-  for (const auto& [group, of] : of_group) size[group] = std::max(all, 1.4826 * medianSize(of));
-  std::vector<double> sizes;
-  for (const int group : groups) sizes.push_back(size[group]);
-  return sizes;
-}
-
-/// Least squares whose noise is the scatter about the fit, known after the first round.
-/// \param groups  of the misfits, as for leastSquares()
-/// \pre misfits() is never empty
-Fit robustFit(
-    const std::function<std::vector<double>(const Eigen::VectorXd&)>& misfits,
-    const Eigen::VectorXd& start,
-    const Eigen::VectorXd& prior_sigma,
-    const std::vector<int>& groups) {
-  Fit fit;
-  std::vector<double> sizes = sizesOf(misfits(start), groups);
-  for (int round = 0; round < 4; ++round) {
-    const auto residuals = [&](const Eigen::VectorXd& p) {
-      const std::vector<double> r = misfits(p);
-      Eigen::VectorXd white(static_cast<Eigen::Index>(r.size()));
-      for (std::size_t i = 0; i < r.size(); ++i)
-        white[static_cast<Eigen::Index>(i)] = r[i] / sizes[i];
-      return white;
-    };
-    fit = leastSquares(residuals, start, prior_sigma, groups);
-    sizes = sizesOf(misfits(fit.parameters), groups);
-  }
-  return fit;
 }
 
 // --- antenna -------------------------------------------------------------------------------------

@@ -50,6 +50,26 @@ Eigen::VectorXd inflations(
   return (sandwich.diagonal().array() / cov.diagonal().array()).max(1.0).sqrt();
 }
 
+double medianSize(std::vector<double> r) {
+  for (double& x : r) x = std::abs(x);
+  const auto middle = r.begin() + static_cast<std::ptrdiff_t>(r.size() / 2);
+  std::nth_element(r.begin(), middle, r.end());
+  return *middle;
+}
+
+/// Sizes of misfits by group: those of all, or those of its own group where that is worse (fixes
+/// without corrections, wheels that slip).
+std::vector<double> sizesOf(const std::vector<double>& misfits, const std::vector<int>& groups) {
+  std::map<int, std::vector<double>> of_group;
+  for (std::size_t i = 0; i < misfits.size(); ++i) of_group[groups[i]].push_back(misfits[i]);
+  std::map<int, double> size;
+  const double all = std::max(1e-4, 1.4826 * medianSize(misfits));
+  for (const auto& [group, of] : of_group) size[group] = std::max(all, 1.4826 * medianSize(of));
+  std::vector<double> sizes;
+  for (const int group : groups) sizes.push_back(size[group]);
+  return sizes;
+}
+
 }  // namespace
 
 Fit leastSquares(
@@ -106,6 +126,27 @@ Fit leastSquares(
   const Eigen::VectorXd weighted = huberWeights(r).cwiseProduct(r);
   const Eigen::VectorXd factor = inflations(J, weighted, prior, fit.cov, groups);
   fit.cov = factor.asDiagonal() * fit.cov * factor.asDiagonal();
+  return fit;
+}
+
+Fit robustFit(
+    const std::function<std::vector<double>(const Eigen::VectorXd&)>& misfits,
+    const Eigen::VectorXd& start,
+    const Eigen::VectorXd& prior_sigma,
+    const std::vector<int>& groups) {
+  Fit fit;
+  std::vector<double> sizes = sizesOf(misfits(start), groups);
+  for (int round = 0; round < 4; ++round) {
+    const auto residuals = [&](const Eigen::VectorXd& p) {
+      const std::vector<double> r = misfits(p);
+      Eigen::VectorXd white(static_cast<Eigen::Index>(r.size()));
+      for (std::size_t i = 0; i < r.size(); ++i)
+        white[static_cast<Eigen::Index>(i)] = r[i] / sizes[i];
+      return white;
+    };
+    fit = leastSquares(residuals, start, prior_sigma, groups);
+    sizes = sizesOf(misfits(fit.parameters), groups);
+  }
   return fit;
 }
 

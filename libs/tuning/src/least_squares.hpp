@@ -28,4 +28,13 @@ struct Fit {
     const Eigen::VectorXd& prior_sigma,
     const std::vector<int>& groups = {});
 
+/// Least squares whose noise is the scatter about the fit, known after the first round.
+/// \param groups  of the misfits, as for leastSquares()
+/// \pre misfits() is never empty
+[[nodiscard]] Fit robustFit(
+    const std::function<std::vector<double>(const Eigen::VectorXd&)>& misfits,
+    const Eigen::VectorXd& start,
+    const Eigen::VectorXd& prior_sigma,
+    const std::vector<int>& groups);
+
 }  // namespace vestibule::tuning

@@ -62,6 +62,52 @@ Eigen::Vector2d everything(double t_s) {
 constexpr double kTrack_m = 0.6;
 const WheelGeometry kGeometry{0.97, 0.99, 0.46, -0.44, 0.05};
 
+/// Headings along a path that bends as `turn_radps` says, with a known deviation and passing steel.
+Calibration compassOver(
+    const std::function<double(double)>& turn_radps, const CompassDeviation& d) {
+  RandomStream random(7, "compass");
+  metrics::Trajectory path;
+  std::vector<Heading> readings;
+  Pose2 T;
+  for (int i = 0; i <= 600; ++i) {
+    const Timestamp stamp{static_cast<std::int64_t>(i) * 1'000'000'000};
+    if (i > 0) T = compose(T, expSe2({1.0, 0.0, turn_radps(i)}));
+    path.push_back({stamp, T});
+    const double bearing = yawFromBearing(T.phi);
+    double reading = bearing;
+    for (int k = 0; k < 20; ++k) reading = bearing + d.at(reading);
+    const bool steel = i / 20 % 5 == 0;
+    Heading heading;
+    heading.stamp = stamp;
+    heading.yaw_rad =
+        yawFromBearing(reading + degToRad(steel ? 40.0 : 0.0) + degToRad(1.5) * random.normal());
+    readings.push_back(heading);
+  }
+  return calibrateCompass(readings, path, {});
+}
+
+TEST(CalibrateCompass, RecoversTheDeviation) {
+  CompassDeviation d;
+  d.coefficients_deg = {7.0, 4.0, -2.0, 5.0, 1.0};
+  const Calibration c = compassOver([](double t) { return t < 300 ? 0.05 : -0.07; }, d);
+  ASSERT_EQ(c.quantities.size(), 5U);
+  for (std::size_t i = 0; i < 5; ++i) {
+    const Quantity& q = c.quantities[i];
+    EXPECT_EQ(q.unobserved, "") << q.name;
+    // A fifth of the readings stands beside steel.
+    EXPECT_NEAR(q.value, d.coefficients_deg[i], 1.0) << q.name << " +- " << q.sigma;
+    EXPECT_LT(std::abs(q.value - d.coefficients_deg[i]), 4.0 * q.sigma) << q.name;
+  }
+  EXPECT_LT(c.residuals[0].rmsAfter(), c.residuals[0].rmsBefore());
+}
+
+TEST(CalibrateCompass, SaysWhatToDriveAfterOneStraight) {
+  CompassDeviation d;
+  d.coefficients_deg = {7.0, 4.0, -2.0, 5.0, 1.0};
+  const Calibration c = compassOver([](double) { return 0.0; }, d);
+  EXPECT_THAT(c.quantities[1].unobserved, HasSubstr("all directions"));
+}
+
 TEST(CalibrateOdometry, RecoversKnownWheels) {
   const Formula f = driven(kGeometry, kTrack_m, everything);
   const OdometryCalibration c = calibrateOdometry(f.odometry, f.truth, true, kTrack_m);

@@ -29,14 +29,15 @@ struct Motion {
   double tilt_var = 0.0;     ///< [rad^2] about either horizontal axis
   double speed_var = 0.0;    ///< [m^2/s^2] of the velocity at the end; coasting: gained
 
-  double gyro_bias_var = 0.0;       ///< [rad^2/s^2] growth during the step, and so on
-  double accel_bias_var = 0.0;      ///< [m^2/s^4]
-  double wheel_scale_var = 0.0;     ///< [-]
-  double wheel_skew_var = 0.0;      ///< [rad^2/m^2]
-  double track_var = 0.0;           ///< [-]
-  double icr_var = 0.0;             ///< [m^2]
-  double gnss_bias_decay = 1.0;     ///< [-] share of the slow GNSS error that is left
-  double gnss_bias_var = 0.0;       ///< [m^2] per axis
+  double gyro_bias_var = 0.0;    ///< [rad^2/s^2] growth during the step, and so on
+  double accel_bias_var = 0.0;   ///< [m^2/s^4]
+  double wheel_scale_var = 0.0;  ///< [-]
+  double wheel_skew_var = 0.0;   ///< [rad^2/m^2]
+  double track_var = 0.0;        ///< [-]
+  double icr_var = 0.0;          ///< [m^2]
+  double gnss_bias_decay = 1.0;  ///< [-] share of the slow GNSS error that is left
+  double gnss_bias_var = 0.0;    ///< [m^2] per axis
+  double heading_offset_decay = 1.0;
   double heading_offset_var = 0.0;  ///< [rad^2]
   double disturbance_decay = 1.0;   ///< [-]
   double disturbance_var = 0.0;     ///< [rad^2]

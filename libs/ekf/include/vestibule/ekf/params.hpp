@@ -45,7 +45,7 @@ struct WheelParams {
 struct GyroParams {
   double noise_rad_sqrt_s = 0.002;  ///< [rad/sqrt(s)] angle random walk
   double scale_sigma = 0.01;        ///< [-] of a turn
-  double bias_sigma_radps = 0.005;  ///< [rad/s] at start
+  double bias_sigma_radps = 0.003;  ///< [rad/s] at start
   double bias_walk_radps_sqrt_s = 2e-5;
   double max_gap_s = 0.5;  ///< [s] a longer silence (or 2.5 periods) = no gyro: wheels turn
 };
@@ -69,9 +69,12 @@ struct HeadingParams {
   /// [rad] of mounting + declination, if the first readings agree with the track (within two
   /// sigma); a sensor that does not agree has an unknown offset.
   double offset_sigma_rad = degToRad(10.0);
+  /// [rad/sqrt(rad)] what turning does to it: iron on the robot. Calibrated ones have none.
+  double turn_offset_rad_sqrt_rad = degToRad(10.0);
+  double calibrated_offset_time_s = 2000.0;  ///< [s] how long what a calibration leaves of it stays
   double disturbance_sigma_rad =
       degToRad(12.0);                     ///< [rad] passing deviation (steel, tilt), at first
-  double disturbance_time_s = 25.0;       ///< [s] how long such a deviation lasts
+  double disturbance_time_s = 30.0;       ///< [s] how long such a deviation lasts
   double relearn_after_s = 1.5;           ///< [s] rejected so long: offset learnt anew
   double min_interval_s = 0.1;            ///< [s] closer readings err alike and are left out
   double tilt_sigma_rad = degToRad(1.5);  ///< [rad] of roll and pitch, where the sensor has them
@@ -97,6 +100,7 @@ struct GnssParams {
   double gap_s = 3.0;               ///< [s] after a longer silence fixes are doubted (x3) for 5 s
   double max_sigma_m = 50.0;        ///< [m] a fix that says it is worse is rejected
   double max_speed_mps = 20.0;      ///< [m/s] no robot is faster
+  double drift_window_s = 60.0;     ///< [s] fixes move as odometry did for so long; 0: not tested
   double relearn_after_s = 3.0;     ///< [s] rejected so long: the slow error is learnt anew
   double velocity_sigma_mps = 0.1;  ///< [m/s] per axis, floor of the reported one
   double adapt_time_s = 60.0;  ///< [s] over which a kind's noise is learnt; 0 = claims are taken
@@ -107,11 +111,11 @@ struct GnssParams {
 /// Re-acquisition after rejections: a cluster of fixes that moves as the odometry does.
 struct RecoveryParams {
   int min_fixes = 20;
-  double min_span_s = 40.0;
-  double min_travel_m = 25.0;
+  double min_span_s = 60.0;
+  double min_travel_m = 60.0;
   /// [s] nothing accepted for so long: the heading is doubted as well, and the odometry track since
   /// then is aligned anew with the fixes, as at the start.
-  double realign_after_s = 90.0;
+  double realign_after_s = 180.0;
 };
 
 /// When position and heading are known well enough to start.

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "vestibule/core/params.hpp"
+#include "vestibule/sensors/compass.hpp"
 #include "vestibule/sensors/measurements.hpp"
 
 namespace vestibule::io {
@@ -23,6 +24,8 @@ struct CsvGnss {
   std::optional<std::string> lat, lon, height;
   std::optional<std::string> x, y, z;
   CsvAxes axes = CsvAxes::kEastNorth;
+  /// [m] x and y of the reference's zero in these columns: taken off. Local columns only.
+  std::vector<double> origin_m{0.0, 0.0};
   GnssFixType type = GnssFixType::kUnknown;
   std::optional<double> sigma_m;           ///< [m] per axis, constant; empty = unknown
   std::optional<double> sigma_vertical_m;  ///< [m] empty = as sigma_m
@@ -48,6 +51,7 @@ struct CsvHeading {
   bool clockwise_from_north = false;
   double offset_rad = 0.0;          ///< added after the turn to ENU
   std::optional<double> sigma_rad;  ///< empty = unknown
+  CompassDeviation compass;         ///< taken out after that; not known: that of the rig
   bool optional = true;
   bool emit = true;  ///< false: the column only feeds yaw_rate.from_heading
   double delay_s = 0.0;

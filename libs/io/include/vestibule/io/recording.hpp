@@ -15,6 +15,8 @@ namespace vestibule::io {
 struct RecordingOptions {
   /// Sensor mounting used where the recording does not carry it.
   SensorRig rig;
+  /// False: headings as read, deviation of the compass included.
+  bool correct_headings = true;
   /// Column mapping of a CSV recording (see csv_mapping.hpp). Empty = the first file (by name) of
   /// csv_mapping_dir whose columns all occur in the header.
   std::string csv_mapping;

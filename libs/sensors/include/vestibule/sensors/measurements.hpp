@@ -40,6 +40,8 @@ struct Heading {
   double yaw_rad = 0.0;             ///< ENU: counter-clockwise from east
   std::optional<double> sigma_rad;  ///< as reported; empty = unknown
   std::optional<Tilt> tilt;         ///< of sensors that give a whole attitude
+  /// One sigma of the constant error that its calibration leaves; empty = not calibrated.
+  std::optional<double> offset_sigma_rad = std::nullopt;
 };
 
 enum class GnssFixType { kNone, kUnknown, kSingle, kDifferential, kRtkFloat, kRtkFixed };

@@ -101,6 +101,26 @@ struct OdometryData {
     const pipeline::Config& config,
     const pipeline::Progress& progress);
 
+/// Headings as read, and what there is to compare with (as in OdometryData, headings left out).
+struct CompassData {
+  std::vector<Heading> readings;
+  metrics::Trajectory reference;
+  std::string reference_name;
+};
+[[nodiscard]] CompassData readCompass(
+    const std::string& log,
+    const std::string& ref_path,
+    const io::RecordingOptions& options,
+    const pipeline::Config& config,
+    const pipeline::Progress& progress);
+
+/// Coefficients A to E of a compass's deviation (see CompassDeviation), by the yaw of a reference.
+/// \param known  the present ones, for comparison
+[[nodiscard]] Calibration calibrateCompass(
+    const std::vector<Heading>& readings,
+    const metrics::Trajectory& reference,
+    const CompassDeviation& known);
+
 /// Antenna lever arm, yaw of the IMU and pose of the laser, each where the recording observes it.
 [[nodiscard]] Calibration calibrateMount(
     const std::string& log,

@@ -1,0 +1,149 @@
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+
+#include "least_squares.hpp"
+#include "vestibule/core/angles.hpp"
+#include "vestibule/core/errors.hpp"
+#include "vestibule/pipeline/fuse.hpp"
+#include "vestibule/pipeline/time_ordered_queue.hpp"
+#include "vestibule/tuning/calibration.hpp"
+
+namespace vestibule::tuning {
+namespace {
+
+constexpr double kObserved_deg = 1.0;  // one sigma below this
+/// Steel bends the readings of a while alike.
+constexpr double kStretch_s = 30.0;
+/// Readings without motion between them say the same.
+constexpr double kLeastTravel_m = 0.1;
+constexpr double kLeastTurn_rad = degToRad(1.0);
+constexpr double kMostGap_s = 1.5;
+
+struct Row {
+  double at_s = 0.0;
+  double bearing_rad = 0.0;    ///< as read
+  double deviation_deg = 0.0;  ///< read - true
+};
+
+std::vector<Row> rowsOf(
+    const std::vector<Heading>& readings, const metrics::Trajectory& reference) {
+  std::vector<Row> rows;
+  std::optional<Pose2> last;
+  for (const Heading& reading : readings) {
+    const auto after = std::lower_bound(
+        reference.begin(),
+        reference.end(),
+        reading.stamp,
+        [](const metrics::TimedPose& p, Timestamp t) { return p.stamp < t; });
+    if (after == reference.end() || after == reference.begin()) continue;
+    const auto before = std::prev(after);
+    const double span_s = toSeconds(after->stamp - before->stamp);
+    if (span_s > kMostGap_s) continue;
+    const Pose2 T =
+        interpolate(before->pose, after->pose, toSeconds(reading.stamp - before->stamp) / span_s);
+    if (last && distance(*last, T) < kLeastTravel_m &&
+        std::abs(angleDiff(T.phi, last->phi)) < kLeastTurn_rad) {
+      continue;
+    }
+    last = T;
+    // Bearing and yaw run against each other.
+    rows.push_back(
+        {toSeconds(reading.stamp - reference.front().stamp),
+         yawFromBearing(reading.yaw_rad),
+         radToDeg(angleDiff(T.phi, reading.yaw_rad))});
+  }
+  return rows;
+}
+
+CompassDeviation deviationOf(const Eigen::VectorXd& p) {
+  CompassDeviation deviation;
+  deviation.coefficients_deg.assign(p.begin(), p.end());
+  return deviation;
+}
+
+double misfitOf(const Row& row, const CompassDeviation& deviation) {
+  return row.deviation_deg - radToDeg(deviation.at(row.bearing_rad));
+}
+
+}  // namespace
+
+Calibration calibrateCompass(
+    const std::vector<Heading>& readings,
+    const metrics::Trajectory& reference,
+    const CompassDeviation& known) {
+  constexpr int kCount = 5;
+  const char* const names[kCount] = {
+      "deviation A", "deviation B", "deviation C", "deviation D", "deviation E"};
+  const std::vector<Row> rows = rowsOf(readings, reference);
+  const Eigen::VectorXd none = Eigen::VectorXd::Zero(kCount);
+  Fit fit{none, {}, 0};
+  if (rows.size() > 2 * kCount) {
+    std::vector<int> groups;
+    for (const Row& row : rows) groups.push_back(static_cast<int>(row.at_s / kStretch_s));
+    const auto misfits = [&rows](const Eigen::VectorXd& p) {
+      const CompassDeviation deviation = deviationOf(p);
+      std::vector<double> r;
+      r.reserve(rows.size());
+      for (const Row& row : rows) r.push_back(misfitOf(row, deviation));
+      return r;
+    };
+    Eigen::VectorXd prior = Eigen::VectorXd::Constant(kCount, 20.0);
+    prior[0] = 180.0;  // of any mounting
+    fit = robustFit(misfits, none, prior, groups);
+  }
+  Calibration result;
+  for (int i = 0; i < kCount; ++i) {
+    const double before = known.known() ? known.coefficients_deg[static_cast<std::size_t>(i)] : 0.0;
+    Quantity q{names[i], "deg", before, fit.parameters[i], 0.0, ""};
+    if (fit.cov.size() > 0) q.sigma = std::sqrt(fit.cov(i, i));
+    if (fit.cov.size() == 0 || q.sigma > kObserved_deg) {
+      q.unobserved = "drive in all directions, away from steel: three loops, both ways round";
+    }
+    result.quantities.push_back(q);
+  }
+  if (fit.cov.size() == 0) return result;
+  Residuals residuals{"heading", "deg", {}, {}};
+  const CompassDeviation found = deviationOf(fit.parameters);
+  const CompassDeviation before = known.known() ? known : deviationOf(none);
+  for (const Row& row : rows) {
+    residuals.before.emplace_back(row.at_s, misfitOf(row, before));
+    residuals.after.emplace_back(row.at_s, misfitOf(row, found));
+  }
+  result.residuals.push_back(std::move(residuals));
+  return result;
+}
+
+CompassData readCompass(
+    const std::string& log,
+    const std::string& ref_path,
+    const io::RecordingOptions& options,
+    const pipeline::Config& config,
+    const pipeline::Progress& progress) {
+  CompassData data;
+  io::RecordingOptions as_read = options;
+  as_read.correct_headings = false;
+  const auto reader = io::openRecording(log, as_read);
+  pipeline::forEachInStampOrder(
+      *reader,
+      [&data](const Measurement& m) {
+        if (const auto* heading = std::get_if<Heading>(&m)) data.readings.push_back(*heading);
+      },
+      progress);
+  if (data.readings.empty()) {
+    throw InputError(log + ": no headings (compass, IMU orientation) in it (see vestibule info)");
+  }
+  // What the headings are compared with does not come from them.
+  pipeline::Config without = config;
+  without.ekf.use.heading.clear();
+  OdometryData reference = readOdometry(log, ref_path, options, without, progress);
+  if (!reference.has_position) {
+    throw InputError(
+        log + ": neither a reference (--ref) nor GNSS fixes to compare the headings with");
+  }
+  data.reference = std::move(reference.reference);
+  data.reference_name = std::move(reference.reference_name);
+  return data;
+}
+
+}  // namespace vestibule::tuning
