@@ -18,8 +18,6 @@ constexpr double kVelocityLag_s = 0.1;
 /// Fixes creep: so far from one to the next [sigma], for so long.
 constexpr double kCreepSigmas = 5.0;
 constexpr double kCreep_s = 1.0;
-/// Within an estimated slow error fixes wander as fast as this.
-constexpr double kWander_s = 30.0;
 /// Variances raised by less are not worth saying.
 constexpr double kWorthSaying = 1.1;
 
@@ -244,11 +242,10 @@ UpdateReport Core::initialise(const MapFix& fix, const GnssScreen::Worth& worth)
   if ((params().init.trust_heading || calibrated) && heading_ &&
       sigma <= params().init.max_yaw_sigma_rad &&
       std::abs(toSeconds(fix.stamp - heading_->stamp)) < kHeadingAge_s) {
-    begin(
-        fix,
-        worth.R,
-        heading_->yaw_rad,
-        std::hypot(sigma, heading_->offset_sigma_rad.value_or(p.offset_sigma_rad)));
+    const double offset_sigma = heading_->offset_sigma_rad.value_or(p.offset_sigma_rad);
+    // A calibration knows nothing of the steel the robot starts beside.
+    const double passing_sigma = calibrated ? p.disturbance_sigma_rad : 0.0;
+    begin(fix, worth.R, heading_->yaw_rad, std::hypot(sigma, offset_sigma, passing_sigma));
   } else {
     alignment_.add(
         fix.stamp,
@@ -380,11 +377,9 @@ double Core::driftNis(const MapFix& fix, const GnssScreen::Worth& worth) const {
   // Carrier-phase fixes do not wander: where they creep away it is the motion that is wrong. With
   // corrections the error moves as fast as the corrections change, and stays small.
   if (worth.kind != FixKind::kCode) return 0.0;
-  const GnssErrorModel error = errorModel(worth.kind, params().gnss);
   GnssDrift::Noise noise;
   noise.sigma_m = worth.sigma_m;
-  noise.correlation_s =
-      error.slow_share > 0.0 ? std::min(error.correlation_s, kWander_s) : error.correlation_s;
+  noise.correlation_s = errorModel(worth.kind, params().gnss).correlation_s;
   noise.yaw_sigma_rad = map_.sigmaOf(kAtt + 2);
   return drift_.nis(seenByBoth(fix), map_.state().yaw() - odometry_.state().yaw(), noise);
 }
@@ -406,7 +401,7 @@ bool Core::recover(const MapFix& fix, const GnssScreen::Worth& worth) {
       transform(T_odom_base, rig_->p_base_antenna),
       worth.sigma_m);
   if (toSeconds(fix.stamp - *refused_since_) < params().recovery.realign_after_s ||
-      realignment_.extent() < params().recovery.min_travel_m) {
+      realignment_.extent() < params().recovery.travel(worth.sigma_m)) {
     return false;
   }
   const auto found = realignment_.solve();

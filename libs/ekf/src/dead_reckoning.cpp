@@ -14,6 +14,10 @@ constexpr double kChangeMemory = 0.8;
 constexpr double kStraight_radps = 0.05;
 /// Turn of a robot whose wheels stand and whose gyro is quiet [rad/sqrt(s)].
 constexpr double kStandingTurn = 1e-4;
+/// A robot whose wheels are silent keeps its speed for about so long [s] ...
+constexpr double kHeldSpeed_s = 5.0;
+/// ... and moves sideways by this share of the variance, as far as its heading is known.
+constexpr double kSideways = 0.1;
 /// Unseen turns of a robot without gyro and wheels' yaw rate [rad/sqrt(s)].
 constexpr double kBlindTurn = 0.5;
 /// Unseen change of roll and pitch without a gyro [rad/sqrt(s)].
@@ -91,7 +95,7 @@ void DeadReckoning::addNoise(Motion& u) const {
   } else if (standstill()) {
     u.turn_var += squared(kStandingTurn) * u.dt_s;
     u.tilt_var = squared(kStandingTurn) * u.dt_s;
-  } else if (!params_->use.wheelYawRate()) {
+  } else if (!params_->use.wheelYawRate() || !wheelsAlive(time_)) {
     u.turn_var += squared(kBlindTurn) * u.dt_s;
     u.tilt_var = squared(kBlindTilt) * u.dt_s;
   } else {
@@ -113,10 +117,9 @@ void DeadReckoning::addNoise(Motion& u) const {
   u.accel_bias_var = squared(params_->accel.bias_walk_mps2_sqrt_s) * u.dt_s;
   u.wheel_scale_var = squared(wheels.scale_walk_sqrt_m) * path_m;
   const HeadingParams& heading = params_->heading;
-  u.heading_offset_var =
-      squared(heading.offset_walk_rad_sqrt_s) * u.dt_s +
-      squared(heading.turn_offset_rad_sqrt_rad) *
-          std::max(0.0, std::abs(u.turn_rad.z()) - kStraight_radps * u.dt_s);
+  u.heading_offset_var = squared(heading.offset_walk_rad_sqrt_s) * u.dt_s +
+                         squared(heading.turn_offset_rad_sqrt_rad) *
+                             std::max(0.0, std::abs(u.turn_rad.z()) - kStraight_radps * u.dt_s);
   u.disturbance_decay = std::exp(-u.dt_s / params_->heading.disturbance_time_s);
   u.disturbance_var =
       squared(params_->heading.disturbance_sigma_rad) * (1.0 - squared(u.disturbance_decay));
@@ -134,8 +137,12 @@ Motion DeadReckoning::advance(Timestamp stamp) {
     u.rolling = false;
     u.force_mps2 = force_mps2_;
   } else {
-    u.forward_var = squared(params_->wheels.dropout_speed_sigma_mps) * u.dt_s;
-    u.left_var = 0.1 * u.forward_var;
+    // Whatever speed it has, it keeps for a while: the way grows with time, not with its root.
+    const double silent_s =
+        last_wheels_ ? std::min(toSeconds(time_ - *last_wheels_), kHeldSpeed_s) : 0.0;
+    u.forward_var = squared(params_->wheels.dropout_speed_sigma_mps) * u.dt_s *
+                    (2.0 * silent_s + std::min(u.dt_s, kHeldSpeed_s));
+    u.left_var = (gyro ? kSideways : 1.0) * u.forward_var;
   }
   held_forward_m_ += u.forward_m;
   held_left_m_ += u.left_m;

@@ -170,7 +170,7 @@ std::optional<GnssScreen::Cluster> GnssScreen::refused(
     travel_m = std::max(travel_m, distance(c.T_odom_base, T_odom_base));
   }
   if (toSeconds(fix.stamp - candidates_.front().stamp) < params_->recovery.min_span_s ||
-      travel_m < params_->recovery.min_travel_m) {
+      travel_m < params_->recovery.travel(sigma_m)) {
     return std::nullopt;
   }
   const auto n = static_cast<double>(agreeing);

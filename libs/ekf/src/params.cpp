@@ -126,6 +126,7 @@ void describe(ParamIo& io, RecoveryParams& p) {
   io.optional("min_fixes", p.min_fixes, within(2, 1000));
   io.optional("min_span_s", p.min_span_s, positive());
   io.optional("min_travel_m", p.min_travel_m, positive());
+  io.optional("min_travel_sigmas", p.min_travel_sigmas, nonNegative());
   io.optional("realign_after_s", p.realign_after_s, positive());
 }
 

@@ -35,6 +35,9 @@ void describe(ParamIo& io, CsvGnss& gnss) {
   io.optional("x", gnss.x);
   io.optional("y", gnss.y);
   io.optional("z", gnss.z);
+  io.optional("v_x", gnss.v_x);
+  io.optional("v_y", gnss.v_y);
+  io.optional("sigma_mps", gnss.sigma_mps, positive());
   io.optional("axes", gnss.axes, axesNames());
   io.optional("origin_m", gnss.origin_m, 2, 2);
   io.optional("type", gnss.type, kTypes);
@@ -47,6 +50,9 @@ void describe(ParamIo& io, CsvGnss& gnss) {
   const bool local = gnss.x && gnss.y && !gnss.lat && !gnss.lon && !gnss.height;
   if (!io.writing() && !geodetic && !local) {
     io.problem("", "needs either the columns lat and lon (and height), or x and y (and z)");
+  }
+  if (!io.writing() && gnss.v_x.has_value() != gnss.v_y.has_value()) {
+    io.problem("", "a velocity needs both columns, v_x and v_y");
   }
 }
 
@@ -118,7 +124,8 @@ std::vector<std::string> CsvMapping::columns() const {
     if (name) names.push_back(*name);
   };
   for (const CsvGnss& g : gnss) {
-    for (const auto* name : {&g.lat, &g.lon, &g.height, &g.x, &g.y, &g.z}) add(*name);
+    for (const auto* name : {&g.lat, &g.lon, &g.height, &g.x, &g.y, &g.z, &g.v_x, &g.v_y})
+      add(*name);
   }
   if (wheels) {
     names.push_back(wheels->left);

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "readers.hpp"
 #include "vestibule/core/angles.hpp"
@@ -248,7 +249,17 @@ class CsvReader : public RecordingReader {
       const double v = gnss.sigma_vertical_m.value_or(*gnss.sigma_m);
       fix.cov_enu = Eigen::Vector3d(h, h, v * v).asDiagonal();
     }
+    fix.velocity = velocityOf(gnss);
     push(gnss.name, fix.stamp, fix);
+  }
+
+  std::optional<GnssVelocity> velocityOf(const CsvGnss& gnss) {
+    if (!gnss.v_x || !gnss.v_y) return std::nullopt;
+    const auto v_x = table_.number(*gnss.v_x, true);
+    const auto v_y = table_.number(*gnss.v_y, true);
+    if (!v_x || !v_y) return std::nullopt;
+    const Point2 v = toEastNorth(*v_x, *v_y, gnss.axes);
+    return GnssVelocity{{v.x, v.y, std::numeric_limits<double>::quiet_NaN()}, gnss.sigma_mps};
   }
 
   [[nodiscard]] Timestamp delayed(double delay_s) const {

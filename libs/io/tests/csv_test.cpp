@@ -74,6 +74,42 @@ TEST(Csv, RowsBecomeMeasurementsInStampOrder) {
   EXPECT_THAT(toPose2(reference->at(1).T), poseNear(Pose2{22.0, 12.0, kPi / 2 - 0.2}, 1e-9, 1e-9));
 }
 
+TEST(Csv, CarriesVelocityOriginAndCompass) {
+  const auto folder = testFolder();
+  const auto options = optionsWith(
+      folder,
+      "time: {column: t}\n"
+      "gnss:\n"
+      "  - {name: gps, x: n, y: e, v_x: vn, v_y: ve, sigma_mps: 0.1, axes: north_east,\n"
+      "     origin_m: [1, 2]}\n"
+      "heading:\n"
+      "  column: h\n"
+      "  clockwise_from_north: true\n"
+      "  compass: {deviation_deg: [3, 0, 0, 0, 0], sigma_deg: 2}\n");
+  const std::string path =
+      writeFile(folder / "a.csv", "t,n,e,vn,ve,h\n0,10,20,0.5,-0.25,0\n1,10,20,nan,0,0\n");
+  const auto records = readAll(path, options);
+  ASSERT_EQ(records.size(), 4U);
+  std::vector<GnssFix> fixes;
+  std::vector<Heading> headings;
+  for (const Record& r : records) {
+    if (const auto* fix = std::get_if<GnssFix>(&r.measurement)) fixes.push_back(*fix);
+    if (const auto* h = std::get_if<Heading>(&r.measurement)) headings.push_back(*h);
+  }
+  ASSERT_EQ(fixes.size(), 2U);
+  EXPECT_EQ(std::get<LocalPosition>(fixes[0].position).east_m, 18.0);
+  EXPECT_EQ(std::get<LocalPosition>(fixes[0].position).north_m, 9.0);
+  ASSERT_TRUE(fixes[0].velocity);
+  EXPECT_EQ(fixes[0].velocity->enu_mps.x(), -0.25);
+  EXPECT_EQ(fixes[0].velocity->enu_mps.y(), 0.5);
+  EXPECT_EQ(fixes[0].velocity->sigma_mps.value(), 0.1);
+  EXPECT_FALSE(fixes[1].velocity) << "nan: not measured";
+  ASSERT_EQ(headings.size(), 2U);
+  // It read north, which is 3 degrees too far clockwise.
+  EXPECT_NEAR(headings[0].yaw_rad, kPi / 2 + degToRad(3.0), 1e-12);
+  EXPECT_NEAR(headings[0].offset_sigma_rad.value(), degToRad(2.0), 1e-12);
+}
+
 TEST(Csv, NanInARequiredColumnNamesLineAndColumn) {
   const auto folder = testFolder();
   const auto options = optionsWith(folder, kMapping);

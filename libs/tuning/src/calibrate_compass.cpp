@@ -1,5 +1,6 @@
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "least_squares.hpp"
@@ -56,6 +57,21 @@ std::vector<Row> rowsOf(
   return rows;
 }
 
+/// Whether the robot looked in (nearly) all directions for a while.
+bool allDirections(const std::vector<Row>& rows) {
+  constexpr int kSectors = 12;
+  constexpr int kEnough = 10;
+  constexpr int kFewestRows = 3;
+  std::array<int, kSectors> count{};
+  for (const Row& row : rows) {
+    const double true_bearing = wrapToPi(row.bearing_rad - degToRad(row.deviation_deg));
+    const auto sector = static_cast<int>((true_bearing / kPi + 1.0) / 2.0 * kSectors);
+    ++count[static_cast<std::size_t>(std::clamp(sector, 0, kSectors - 1))];
+  }
+  return std::count_if(count.begin(), count.end(), [](int n) { return n >= kFewestRows; }) >=
+         kEnough;
+}
+
 CompassDeviation deviationOf(const Eigen::VectorXd& p) {
   CompassDeviation deviation;
   deviation.coefficients_deg.assign(p.begin(), p.end());
@@ -76,6 +92,7 @@ Calibration calibrateCompass(
   const char* const names[kCount] = {
       "deviation A", "deviation B", "deviation C", "deviation D", "deviation E"};
   const std::vector<Row> rows = rowsOf(readings, reference);
+  const bool all_directions = allDirections(rows);
   const Eigen::VectorXd none = Eigen::VectorXd::Zero(kCount);
   Fit fit{none, {}, 0};
   if (rows.size() > 2 * kCount) {
@@ -97,7 +114,7 @@ Calibration calibrateCompass(
     const double before = known.known() ? known.coefficients_deg[static_cast<std::size_t>(i)] : 0.0;
     Quantity q{names[i], "deg", before, fit.parameters[i], 0.0, ""};
     if (fit.cov.size() > 0) q.sigma = std::sqrt(fit.cov(i, i));
-    if (fit.cov.size() == 0 || q.sigma > kObserved_deg) {
+    if (!all_directions || fit.cov.size() == 0 || q.sigma > kObserved_deg) {
       q.unobserved = "drive in all directions, away from steel: three loops, both ways round";
     }
     result.quantities.push_back(q);

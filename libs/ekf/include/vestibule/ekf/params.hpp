@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -45,7 +46,7 @@ struct WheelParams {
 struct GyroParams {
   double noise_rad_sqrt_s = 0.002;  ///< [rad/sqrt(s)] angle random walk
   double scale_sigma = 0.01;        ///< [-] of a turn
-  double bias_sigma_radps = 0.003;  ///< [rad/s] at start
+  double bias_sigma_radps = 0.005;  ///< [rad/s] at start
   double bias_walk_radps_sqrt_s = 2e-5;
   double max_gap_s = 0.5;  ///< [s] a longer silence (or 2.5 periods) = no gyro: wheels turn
 };
@@ -112,7 +113,15 @@ struct GnssParams {
 struct RecoveryParams {
   int min_fixes = 20;
   double min_span_s = 60.0;
-  double min_travel_m = 60.0;
+  double min_travel_m = 25.0;
+  /// [sigma of the fixes] likewise: reflections agree with each other for minutes, but not over a
+  /// way that is long against what fixes err anyway.
+  double min_travel_sigmas = 12.0;
+
+  /// [m] for fixes of that sigma.
+  [[nodiscard]] double travel(double sigma_m) const {
+    return std::max(min_travel_m, min_travel_sigmas * sigma_m);
+  }
   /// [s] nothing accepted for so long: the heading is doubted as well, and the odometry track since
   /// then is aligned anew with the fixes, as at the start.
   double realign_after_s = 180.0;

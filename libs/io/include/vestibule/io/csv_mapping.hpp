@@ -23,7 +23,9 @@ struct CsvGnss {
   std::string name;  ///< source name of its records
   std::optional<std::string> lat, lon, height;
   std::optional<std::string> x, y, z;
-  CsvAxes axes = CsvAxes::kEastNorth;
+  std::optional<std::string> v_x, v_y;  ///< [m/s] velocity by the receiver, same axes as x and y
+  std::optional<double> sigma_mps;      ///< [m/s] of it, per axis, constant; empty = unknown
+  CsvAxes axes = CsvAxes::kEastNorth;   ///< of x and y, and of the velocity
   /// [m] x and y of the reference's zero in these columns: taken off. Local columns only.
   std::vector<double> origin_m{0.0, 0.0};
   GnssFixType type = GnssFixType::kUnknown;
