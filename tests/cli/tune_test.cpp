@@ -88,6 +88,33 @@ TEST_F(Tune, ADamagedJournalIsNamedWithItsLine) {
   EXPECT_THAT(result.err, HasSubstr("evaluations.jsonl:1: not a line of a tuning session"));
 }
 
+TEST_F(Tune, ASuiteGivesTheSameWithThreadsAndRanks) {
+  const std::string suite = file(
+      "suite.yaml",
+      "bench: ekf\n"
+      "factors: [{name: ekf.gyro.noise_rad_sqrt_s, values: [0.0005, 0.008]}]\n"
+      "recordings: [{log: " +
+          shipped("datasets/husky_gnss/test1.bag") +
+          "}]\n"
+          "block_s: 20\n"
+          "objectives: [{measure: hidden_outage, length_s: 15}]\n"
+          "seeds: {count: 2}\n");
+  const CommandResult threads = run({"bench", "suite", suite, "--out", path("threads")});
+  ASSERT_EQ(threads.exit_code, 0) << threads.err;
+  std::vector<std::string> command{"mpirun", "--allow-run-as-root", "--oversubscribe", "-n", "2"};
+  for (const std::string& word : commandLine({"bench", "suite", suite, "--out", path("ranks")})) {
+    command.push_back(word);
+  }
+  const CommandResult ranks = runCommand(command, path(""));
+  ASSERT_EQ(ranks.exit_code, 0) << ranks.err;
+  EXPECT_THAT(ranks.out, HasSubstr("4 runs, 0 failed"));
+  EXPECT_THAT(ranks.out, HasSubstr("with 2 MPI ranks"));
+  const std::string drive = "/runs/noise_rad_sqrt_s_0.008/1-test1.bag-seed-2/trajectory.tum";
+  for (const std::string& name : {std::string("/summary.json"), drive}) {
+    EXPECT_EQ(readFile(path("threads" + name)), readFile(path("ranks" + name))) << name;
+  }
+}
+
 TEST_F(Tune, CalibrateRefusesByNameWhatTheRecordingDoesNotShow) {
   // 61 s of a Jackal without GNSS is not shipped; the Husky has GNSS but no laser.
   const CommandResult result =

@@ -4,14 +4,9 @@
 #include <cmath>
 #include <cstring>
 
-#if defined(__x86_64__)
+#if VESTIBULE_HAS_AVX2_KERNELS
 #include <immintrin.h>
-#define VESTIBULE_HAS_AVX2_KERNELS 1
-#define VESTIBULE_AVX2 __attribute__((target("avx2")))
-#else
-#define VESTIBULE_HAS_AVX2_KERNELS 0
 #endif
-#define VESTIBULE_INLINE inline __attribute__((always_inline))
 
 namespace vestibule::amcl {
 namespace {
@@ -241,14 +236,6 @@ VESTIBULE_AVX2 void sumAvx2(
 #endif
 
 }  // namespace
-
-Simd bestSimd() {
-#if VESTIBULE_HAS_AVX2_KERNELS
-  static const bool has_avx2 = __builtin_cpu_supports("avx2") != 0;
-  if (has_avx2) return Simd::kAvx2;
-#endif
-  return Simd::kPortable;
-}
 
 void propagate(
     const ParticleArrays& particles,

@@ -5,14 +5,13 @@
 #include <cstdint>
 #include <vector>
 
+#include "vestibule/core/simd.hpp"
+
 namespace vestibule::amcl {
 
-/// The loops that see every particle. Each exists once in plain C++ and is compiled twice, for any
-/// machine and for AVX2; which one runs is decided when the program starts. Both give the same
-/// bits: random words and table sums are integers, and each particle's floats are computed by
-/// themselves in a fixed order. Measured by amcl_bench.
-enum class Simd { kPortable, kAvx2 };
-[[nodiscard]] Simd bestSimd();
+// The loops that see every particle. Portable or with AVX2 they give the same bits: random words
+// and table sums are integers, and each particle's floats are computed by themselves in a fixed
+// order. Measured by amcl_bench.
 
 /// Particle arrays are padded to whole blocks of this many.
 inline constexpr std::size_t kLanes = 8;

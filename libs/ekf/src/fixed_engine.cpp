@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 
+#include "vestibule/core/simd.hpp"
 #include "vestibule/ekf/engine.hpp"
 
 namespace vestibule::ekf {
@@ -34,43 +35,122 @@ struct Axes {
       planar ? kTop - __builtin_popcount(kSpatial & ((1U << kTop) - 1U)) : kTop;
 };
 
+/// Four numbers that are worked on at once, wherever they lie. What was just written in smaller
+/// pieces is slow to read as one: the loops below go from memory to memory in quads.
+typedef double Quad __attribute__((vector_size(32), aligned(8), may_alias));
+constexpr int kLanes = 4;
+constexpr int kQuads = kStateSize / kLanes;
+static_assert(kQuads * kLanes == kStateSize);
+
+VESTIBULE_INLINE Quad* quads(double* column) { return reinterpret_cast<Quad*>(column); }
+VESTIBULE_INLINE const Quad* quads(const double* column) {
+  return reinterpret_cast<const Quad*>(column);
+}
+
+/// P = F P F' + Q without the guard.
+template <bool planar>
+VESTIBULE_INLINE void predictWith(StateMatrix& P, const Transition& step) {
+  static constexpr auto kAll = Axes<planar>::kAll;
+  constexpr int n = Axes<planar>::kTopCount;
+  constexpr int kTopQuads = n / kLanes;
+  static_assert(n == kTopQuads * kLanes + 1);
+  // The coupling's columns, first rows that there are.
+  std::array<int, kStateSize> columns;
+  std::array<std::array<double, n>, kStateSize> coupling;
+  int count = 0;
+  for (std::uint32_t left = step.columns; left != 0U; left &= left - 1U) {
+    columns[count] = __builtin_ctz(left);
+    for (int a = 0; a < n; ++a) coupling[count][a] = step.coupling(kAll[a], columns[count]);
+    ++count;
+  }
+  // T = (F P)', first rows only: columns of P are contiguous.
+  std::array<std::array<double, kStateSize>, n> T;
+  for (int a = 0; a < n; ++a) {
+    Quad sum[kQuads];
+    const Quad* own = quads(P.col(kAll[a]).data());
+    for (int q = 0; q < kQuads; ++q) sum[q] = step.keep[kAll[a]] * own[q];
+    for (int c = 0; c < count; ++c) {
+      const double share = coupling[c][a];
+      if (share == 0.0) continue;
+      const Quad* other = quads(P.col(columns[c]).data());
+      for (int q = 0; q < kQuads; ++q) sum[q] += share * other[q];
+    }
+    for (int q = 0; q < kQuads; ++q) quads(T[a].data())[q] = sum[q];
+  }
+  for (int b = 0; b < n; ++b) {
+    const int k = kAll[b];
+    // A column of F P F' + Q in the first rows: quads and one more.
+    const auto own = [&](int a) {
+      return step.keep[kAll[a]] * T[b][kAll[a]] + step.top_noise(kAll[a], k);
+    };
+    Quad sum[kTopQuads];
+    for (int q = 0; q < kTopQuads; ++q) {
+      const int a = kLanes * q;
+      sum[q] = Quad{own(a), own(a + 1), own(a + 2), own(a + 3)};
+    }
+    double last = own(n - 1);
+    for (int c = 0; c < count; ++c) {
+      const double share = T[b][columns[c]];
+      for (int q = 0; q < kTopQuads; ++q) sum[q] += share * quads(coupling[c].data())[q];
+      last += share * coupling[c][n - 1];
+    }
+    std::array<double, n> column;
+    for (int q = 0; q < kTopQuads; ++q) quads(column.data())[q] = sum[q];
+    column[n - 1] = last;
+    for (int a = b; a < n; ++a) P(kAll[a], k) = P(k, kAll[a]) = column[a];
+    for (int i = kTop; i < kStateSize; ++i) P(i, k) = T[b][i] * step.keep[i];
+  }
+  for (std::size_t r = n; r < kAll.size(); ++r) {
+    const int i = kAll[r];
+    for (int a = 0; a < n; ++a) P(kAll[a], i) = P(i, kAll[a]);
+    if (step.keep[i] != 1.0) {
+      P.col(i).template tail<kRest>() *= step.keep[i];
+      P.row(i).template tail<kRest>() *= step.keep[i];
+    }
+    P(i, i) += step.rest_noise[i - kTop];
+  }
+}
+
+/// P = P - W S^-1 W' = P - V V' with V = W L^-T and S = L L': symmetric to the bit; without the
+/// guard. \return V white
+template <bool planar, int m>
+VESTIBULE_INLINE Error updateWith(
+    StateMatrix& P,
+    const Correlation& c,
+    const Eigen::Matrix<double, m, m>& L,
+    const std::array<double, m>& white) {
+  std::array<std::array<double, kStateSize>, m> V;
+  Error correction;
+  for (int q = 0; q < kQuads; ++q) {
+    Quad sum{};
+    for (int i = 0; i < m; ++i) {
+      Quad v = quads(c.PH.col(i).data())[q];
+      for (int k = 0; k < i; ++k) v -= L(i, k) * quads(V[k].data())[q];
+      v *= 1.0 / L(i, i);
+      quads(V[i].data())[q] = v;
+      sum += white[i] * v;
+    }
+    quads(correction.data())[q] = sum;
+  }
+  for (const int j : Axes<planar>::kAll) {
+    Quad* column = quads(P.col(j).data());
+    for (int q = 0; q < kQuads; ++q) {
+      Quad rest = column[q];
+      for (int i = 0; i < m; ++i) rest -= V[i][j] * quads(V[i].data())[q];
+      column[q] = rest;
+    }
+  }
+  return correction;
+}
+
 template <bool planar>
 class FixedEngine : public Engine {
  public:
+  explicit FixedEngine(Simd simd) : simd_(simd) {}
+
   void predict(StateMatrix& P, const Transition& step) const override {
-    // T = (F P)', first rows only: columns of P are contiguous.
-    std::array<Error, n> T;
-    for (int a = 0; a < n; ++a) {
-      const int i = kAll[a];
-      T[a].noalias() = step.keep[i] * P.col(i);
-    }
-    forEachColumn(step.columns, [&](int j) {
-      for (int a = 0; a < n; ++a) {
-        const double share = step.coupling(kAll[a], j);
-        if (share != 0.0) T[a] += share * P.col(j);
-      }
-    });
     const Error before = P.diagonal();
-    for (int b = 0; b < n; ++b) {
-      const int k = kAll[b];
-      // A column of F P F' + Q in the first rows.
-      Eigen::Matrix<double, kTop, 1> column =
-          step.keep.template head<kTop>().cwiseProduct(T[b].template head<kTop>()) +
-          step.top_noise.col(k);
-      forEachColumn(step.columns, [&](int j) { column += T[b][j] * step.coupling.col(j); });
-      for (int a = b; a < n; ++a) P(kAll[a], k) = P(k, kAll[a]) = column[kAll[a]];
-      P.col(k).template tail<kRest>() =
-          T[b].template tail<kRest>().cwiseProduct(step.keep.template tail<kRest>());
-    }
-    for (std::size_t r = n; r < kAll.size(); ++r) {
-      const int i = kAll[r];
-      for (int a = 0; a < n; ++a) P(kAll[a], i) = P(i, kAll[a]);
-      if (step.keep[i] != 1.0) {
-        P.col(i).template tail<kRest>() *= step.keep[i];
-        P.row(i).template tail<kRest>() *= step.keep[i];
-      }
-      P(i, i) += step.rest_noise[i - kTop];
-    }
+    predictIn(simd_, P, step);
     guard(P, before);
   }
 
@@ -86,39 +166,61 @@ class FixedEngine : public Engine {
   }
 
  private:
-  static constexpr auto kAll = Axes<planar>::kAll;
-  static constexpr int n = Axes<planar>::kTopCount;
-
   static void guard(StateMatrix& P, const Error& before) {
-    for (const int i : kAll) P(i, i) += kRoundingGuard * (before[i] + P(i, i));
+    for (const int i : Axes<planar>::kAll) P(i, i) += kRoundingGuard * (before[i] + P(i, i));
   }
 
   template <int m>
-  static Error updateRows(StateMatrix& P, const Observation& z, const Correlation& c) {
+  Error updateRows(StateMatrix& P, const Observation& z, const Correlation& c) const {
     using Square = Eigen::Matrix<double, m, m>;
     const Square S = c.HPH.template topLeftCorner<m, m>() + z.R.template topLeftCorner<m, m>();
-    // P - W S^-1 W' = P - V V' with V = W L^-T and S = L L': symmetric to the bit.
     const Eigen::LLT<Square> cholesky(S);
     const Square L = cholesky.matrixL();
-    Eigen::Matrix<double, kStateSize, m> V;
-    Eigen::Matrix<double, m, 1> white;
+    std::array<double, m> white;
     for (int i = 0; i < m; ++i) {
-      V.col(i) = c.PH.col(i);
       white[i] = z.residual[i];
-      for (int k = 0; k < i; ++k) {
-        V.col(i) -= L(i, k) * V.col(k);
-        white[i] -= L(i, k) * white[k];
-      }
-      V.col(i) *= 1.0 / L(i, i);
+      for (int k = 0; k < i; ++k) white[i] -= L(i, k) * white[k];
       white[i] /= L(i, i);
     }
     const Error before = P.diagonal();
-    for (const int j : kAll) {
-      for (int i = 0; i < m; ++i) P.col(j) -= V(j, i) * V.col(i);
-    }
+    const Error correction = updateIn<m>(simd_, P, c, L, white);
     guard(P, before);
-    return V * white;
+    return correction;
   }
+
+#if VESTIBULE_HAS_AVX2_KERNELS
+  VESTIBULE_AVX2 static void predictAvx2(StateMatrix& P, const Transition& step) {
+    predictWith<planar>(P, step);
+  }
+  template <int m>
+  VESTIBULE_AVX2 static Error updateAvx2(
+      StateMatrix& P,
+      const Correlation& c,
+      const Eigen::Matrix<double, m, m>& L,
+      const std::array<double, m>& white) {
+    return updateWith<planar, m>(P, c, L, white);
+  }
+#endif
+  static void predictIn([[maybe_unused]] Simd simd, StateMatrix& P, const Transition& step) {
+#if VESTIBULE_HAS_AVX2_KERNELS
+    if (simd == Simd::kAvx2) return predictAvx2(P, step);
+#endif
+    predictWith<planar>(P, step);
+  }
+  template <int m>
+  static Error updateIn(
+      [[maybe_unused]] Simd simd,
+      StateMatrix& P,
+      const Correlation& c,
+      const Eigen::Matrix<double, m, m>& L,
+      const std::array<double, m>& white) {
+#if VESTIBULE_HAS_AVX2_KERNELS
+    if (simd == Simd::kAvx2) return updateAvx2<m>(P, c, L, white);
+#endif
+    return updateWith<planar, m>(P, c, L, white);
+  }
+
+  Simd simd_;
 };
 
 template <int m>
@@ -182,9 +284,9 @@ Innovation Engine::innovation(const Observation& z, const Correlation& c) {
   }
 }
 
-std::unique_ptr<const Engine> makeFixedEngine(bool planar) {
-  if (planar) return std::make_unique<FixedEngine<true>>();
-  return std::make_unique<FixedEngine<false>>();
+std::unique_ptr<const Engine> makeFixedEngine(bool planar, Simd simd) {
+  if (planar) return std::make_unique<FixedEngine<true>>(simd);
+  return std::make_unique<FixedEngine<false>>(simd);
 }
 
 }  // namespace vestibule::ekf

@@ -24,9 +24,12 @@ UpdateReport History::insert(const Input& input) {
   if (inputs_.empty() || before(inputs_.back(), input)) {
     const bool too_old = core_.started() && stampOf(input) < core_.time();
     if (!too_old) {
-      if (only_in_order_) inputs_.clear();
+      if (only_in_order_) {
+        inputs_.resize(1);
+        inputs_.front() = input;
+        return core_.apply(input);
+      }
       inputs_.push_back(input);
-      if (only_in_order_) return core_.apply(input);
       const UpdateReport report = apply(input);
       forget();
       return report;

@@ -17,29 +17,29 @@ constexpr double kMinVariance = 1e-12;
 constexpr double kMaxInterval_s = 1e6;
 
 struct Fault {
-  std::string operator()(const Imu& m) const {
+  const char* operator()(const Imu& m) const {
     if (!m.omega_radps.allFinite()) return "not finite";
     return m.omega_radps.norm() > kMaxRate_radps ? "impossible" : "";
   }
-  std::string operator()(const Heading& m) const {
+  const char* operator()(const Heading& m) const {
     const bool finite =
         std::isfinite(m.yaw_rad) && std::isfinite(m.sigma_rad.value_or(0.0)) &&
         (!m.tilt || (std::isfinite(m.tilt->roll_rad) && std::isfinite(m.tilt->pitch_rad)));
     return finite ? "" : "not finite";
   }
-  std::string operator()(const WheelOdometry& m) const {
+  const char* operator()(const WheelOdometry& m) const {
     if (!isFinite(m.T_previous_now) || !std::isfinite(m.dt_s)) return "not finite";
     const bool possible = m.dt_s >= 0.0 && m.dt_s < kMaxInterval_s &&
                           translationNorm(m.T_previous_now) < kMaxIncrement_m &&
                           std::abs(m.T_previous_now.phi) < kMaxRate_radps;
     return possible ? "" : "impossible";
   }
-  std::string operator()(const MapFix& m) const {
+  const char* operator()(const MapFix& m) const {
     if (m.type == GnssFixType::kNone) return "";
     if (!m.p_map_antenna.allFinite()) return "not finite";
     return m.p_map_antenna.cwiseAbs().maxCoeff() > kMaxPosition_m ? "impossible" : "";
   }
-  std::string operator()(const VelocityInput& m) const {
+  const char* operator()(const VelocityInput& m) const {
     const Eigen::Vector3d& v = m.velocity.enu_mps;
     // An upward velocity that is NaN is not there.
     const double up = std::isnan(v.z()) ? 0.0 : v.z();
@@ -48,7 +48,7 @@ struct Fault {
     const bool possible = std::max(v.head<2>().cwiseAbs().maxCoeff(), std::abs(up)) < kMaxSpeed_mps;
     return possible && m.velocity.sigma_mps.value_or(0.0) < kMaxSpeed_mps ? "" : "impossible";
   }
-  static std::string ofPose(const PoseWithCovariance& T) {
+  static const char* ofPose(const PoseWithCovariance& T) {
     if (!isFinite(T.mean) || !T.cov.allFinite()) return "not finite";
     const bool possible =
         std::abs(T.mean.x) < kMaxPosition_m && std::abs(T.mean.y) < kMaxPosition_m &&
@@ -56,8 +56,8 @@ struct Fault {
         T.cov.llt().info() == Eigen::Success;
     return possible ? "" : "impossible";
   }
-  std::string operator()(const PoseInput& m) const { return ofPose(m.T_map_base); }
-  std::string operator()(const ResetInput& m) const { return ofPose(m.T_map_base); }
+  const char* operator()(const PoseInput& m) const { return ofPose(m.T_map_base); }
+  const char* operator()(const ResetInput& m) const { return ofPose(m.T_map_base); }
 };
 
 /// Every number of an input, in a fixed order.
@@ -122,7 +122,7 @@ Timestamp stampOf(const Input& input) {
   return std::visit([](const auto& m) { return m.stamp; }, input);
 }
 
-std::string unusable(const Input& input) { return std::visit(Fault(), input); }
+const char* unusable(const Input& input) { return std::visit(Fault(), input); }
 
 int compare(const Input& a, const Input& b) {
   const Timestamp stamp_a = stampOf(a);

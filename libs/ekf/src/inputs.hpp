@@ -1,7 +1,6 @@
 #pragma once
 
 #include <optional>
-#include <string>
 #include <variant>
 #include <vector>
 
@@ -32,7 +31,7 @@ using Input =
 
 [[nodiscard]] Timestamp stampOf(const Input& input);
 /// Why an input cannot be used at all, whatever the filter believes; empty when it can.
-[[nodiscard]] std::string unusable(const Input& input);
+[[nodiscard]] const char* unusable(const Input& input);
 /// A total order that does not depend on arrival: stamp, kind, content.
 /// \return negative, zero (the same measurement) or positive
 [[nodiscard]] int compare(const Input& a, const Input& b);

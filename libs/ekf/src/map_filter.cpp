@@ -39,21 +39,25 @@ struct MapFilter::Impl {
 
   UpdateReport process(const Input& input) {
     UpdateReport report;
-    report.reason = unusable(input);
-    const bool unused = !report.reason.empty();
+    const char* fault = unusable(input);
+    const bool unused = *fault != '\0';
     if (unused) {
       report.decision = Decision::kRejected;
+      report.reason = fault;
     } else {
       report = history.insert(input);
     }
-    if (unused || report.reason == "stale" || report.reason == "duplicate" ||
-        report.reason == "not finite") {
-      ++dropped[report.reason];
+    if (report.decision == Decision::kRejected) {
+      // Headings that are left out because there are so many are no news.
+      if (report.reason == kTooSoon) return report;
+      if (unused || report.reason == "stale" || report.reason == "duplicate" ||
+          report.reason == "not finite") {
+        ++dropped[report.reason];
+      }
     }
-    // Wheels and IMU have nothing to be tested against: only what is lost of them is news. Nor are
-    // headings that are left out because there are so many.
+    // Wheels and IMU have nothing to be tested against: only what is lost of them is news.
     if (observers == nullptr) return report;
-    const bool quiet = report.reason == kTooSoon || std::holds_alternative<Imu>(input) ||
+    const bool quiet = std::holds_alternative<Imu>(input) ||
                        std::holds_alternative<WheelOdometry>(input) ||
                        std::holds_alternative<ResetInput>(input);
     if (!quiet) {

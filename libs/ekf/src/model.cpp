@@ -9,11 +9,12 @@ namespace {
 
 constexpr double kGravity_mps2 = 9.81;
 
-// What a step takes from: attitude, gyro bias and the wheels' faults while they carry the robot,
-// velocity and the inertial sensor's faults while it coasts.
-constexpr std::uint32_t kRolling = bits(kAtt, 3) | bits(kGyroBias, 3) | bits(kWheelScale, 4);
-constexpr std::uint32_t kCoasting =
-    bits(kVel, 3) | bits(kAtt, 3) | bits(kGyroBias, 3) | bits(kAccelBias, 3);
+// What a step takes from: attitude and the wheels' faults while they carry the robot, velocity and
+// the accelerometer's faults while it coasts; and what may be wrong with the turn.
+constexpr std::uint32_t kRolling = bits(kAtt, 3) | bits(kWheelScale, 1) | bits(kIcrX, 1);
+constexpr std::uint32_t kCoasting = bits(kVel, 3) | bits(kAtt, 3) | bits(kAccelBias, 3);
+constexpr std::uint32_t kTurnByGyro = bits(kGyroBias, 3);
+constexpr std::uint32_t kTurnByWheels = bits(kWheelSkew, 1) | bits(kTrack, 1);
 /// The step in map axes and what its parts are made of.
 struct Course {
   Eigen::Vector3d turn;   ///< base axes, faults removed
@@ -25,6 +26,27 @@ struct Course {
   Eigen::Vector3d push;  ///< coasting: specific force in map axes, bias removed
 };
 
+/// Attitude halfway and at the end of a turn. Nearly every step of a robot in the plane is that of
+/// a level robot: the same numbers without the products by zero.
+void turn(const Eigen::Quaterniond& q, Course& c) {
+  const Eigen::Quaterniond half = rotationExp(0.5 * c.turn);
+  if (q.x() != 0.0 || q.y() != 0.0 || half.x() != 0.0 || half.y() != 0.0) {
+    const Eigen::Quaterniond q_mid = q * half;
+    c.q_end = (q_mid * half).normalized();
+    c.R_mid = q_mid.toRotationMatrix();
+    return;
+  }
+  const double w = q.w() * half.w() - q.z() * half.z();
+  const double z = q.w() * half.z() + q.z() * half.w();
+  const double w_end = w * half.w() - z * half.z();
+  const double z_end = w * half.z() + z * half.w();
+  const double length = std::sqrt(z_end * z_end + w_end * w_end);
+  c.q_end = Eigen::Quaterniond(w_end / length, 0.0, 0.0, z_end / length);
+  const double sine = 2.0 * z * w;
+  const double cosine = 1.0 - 2.0 * z * z;
+  c.R_mid << cosine, -sine, 0.0, sine, cosine, 0.0, 0.0, 0.0, 1.0;
+}
+
 Course courseOf(const State& x, const Motion& u, bool planar) {
   Course c;
   c.turn = planar ? Eigen::Vector3d(0.0, 0.0, u.turn_rad.z()) : u.turn_rad;
@@ -34,10 +56,7 @@ Course courseOf(const State& x, const Motion& u, bool planar) {
   } else {
     c.turn.z() = std::exp(-x.track) * c.turn.z() + x.wheel_skew * u.forward_m;
   }
-  const Eigen::Quaterniond half = rotationExp(0.5 * c.turn);
-  const Eigen::Quaterniond q_mid = x.q * half;
-  c.q_end = (q_mid * half).normalized();
-  c.R_mid = q_mid.toRotationMatrix();
+  turn(x.q, c);
   c.push.setZero();
   if (u.rolling) {
     const double scale = std::exp(x.wheel_scale);
@@ -63,6 +82,100 @@ State arrived(const State& x, const Motion& u, const Course& c) {
   next.heading_offset *= u.heading_offset_decay;
   next.disturbance *= u.disturbance_decay;
   return next;
+}
+
+/// Fills in `t`, which is all zero but for `keep`.
+void linearise(const State& x, const Motion& u, const Course& c, bool planar, Transition& t) {
+  auto& A = t.coupling;
+  t.keep.segment<3>(kVel).setZero();
+  t.keep.segment<3>(kGnssBias).setConstant(u.gnss_bias_decay);
+  t.keep[kHeadingOffset] = u.heading_offset_decay;
+  t.keep[kDisturbance] = u.disturbance_decay;
+
+  // What a turn error about each base axis does to position, velocity and attitude.
+  Eigen::Matrix<double, 9, 3> by_turn = Eigen::Matrix<double, 9, 3>::Zero();
+  const int first_axis = planar ? 2 : 0;
+  for (int i = first_axis; i < 3; ++i) {
+    const Eigen::Vector3d axis = c.R_mid.col(i);
+    auto column = by_turn.col(i);
+    column.segment<3>(kAtt) = axis;
+    if (u.rolling) {
+      column.segment<3>(kPos) = -0.5 * c.d.cross(axis);
+      column.segment<3>(kVel) = -c.v_end.cross(axis);
+    } else {
+      column.segment<3>(kVel) = (-0.5 * u.dt_s) * c.push.cross(axis);
+      column.segment<3>(kPos) = 0.5 * u.dt_s * column.segment<3>(kVel);
+    }
+  }
+  if (u.rolling) by_turn.col(2).segment<3>(kPos) -= x.icr_x * c.R_mid.col(1);
+
+  if (u.rolling) {
+    A.block<3, 3>(kPos, kAtt) = -skew(c.d);
+    A.block<3, 3>(kVel, kAtt) = -skew(c.v_end);
+    A.col(kWheelScale).segment<3>(kPos) = c.by_wheels;
+    A.col(kWheelScale).segment<3>(kVel) = c.v_end;
+    A.col(kIcrX).segment<3>(kPos) = -c.turn.z() * c.R_mid.col(1);
+    t.columns = kRolling;
+  } else {
+    const Eigen::Matrix3d skew_push = skew(c.push);
+    A.block<3, 3>(kVel, kVel).setIdentity();
+    A.block<3, 3>(kPos, kVel) = u.dt_s * Eigen::Matrix3d::Identity();
+    A.block<3, 3>(kVel, kAtt) = -u.dt_s * skew_push;
+    A.block<3, 3>(kPos, kAtt) = (-0.5 * u.dt_s * u.dt_s) * skew_push;
+    A.block<3, 3>(kVel, kAccelBias) = -u.dt_s * c.R_mid;
+    A.block<3, 3>(kPos, kAccelBias) = (-0.5 * u.dt_s * u.dt_s) * c.R_mid;
+    t.columns = kCoasting;
+  }
+  if (u.turn_is_gyro) {
+    for (int i = first_axis; i < 3; ++i) A.col(kGyroBias + i) = -u.dt_s * by_turn.col(i);
+    t.columns |= kTurnByGyro;
+  } else {
+    A.col(kTrack) = -std::exp(-x.track) * u.turn_rad.z() * by_turn.col(2);
+    A.col(kWheelSkew) = u.forward_m * by_turn.col(2);
+    t.columns |= kTurnByWheels;
+  }
+  if (planar) t.columns &= ~kSpatial;
+
+  auto& Q = t.top_noise;
+  const Eigen::Matrix<double, 9, 1> turn_noise = u.turn_var * by_turn.col(2);
+  if (planar) {
+    for (const int j : {+kPos, kPos + 1, +kVel, kVel + 1, kAtt + 2}) {
+      Q.col(j) = turn_noise * by_turn(j, 2);
+    }
+  } else {
+    const Eigen::Matrix<double, 9, 2> tilt_noise = u.tilt_var * by_turn.leftCols<2>();
+    for (int j = 0; j < Transition::kTop; ++j) {
+      Q.col(j) = turn_noise * by_turn(j, 2) + tilt_noise.col(0) * by_turn(j, 0) +
+                 tilt_noise.col(1) * by_turn(j, 1);
+    }
+  }
+  const Eigen::Matrix3d& R = c.R_mid;
+  auto Q_p = Q.block<3, 3>(kPos, kPos);
+  Q_p += u.forward_var * R.col(0) * R.col(0).transpose() +
+         u.left_var * R.col(1) * R.col(1).transpose();
+  if (!planar) Q_p += u.up_var * R.col(2) * R.col(2).transpose();
+  const int axes = planar ? 2 : 3;
+  for (int i = 0; i < axes; ++i) {
+    Q(kVel + i, kVel + i) += u.speed_var;
+    if (u.rolling) continue;
+    // An impulse halfway.
+    Q(kPos + i, kPos + i) += 0.25 * u.dt_s * u.dt_s * u.speed_var;
+    Q(kPos + i, kVel + i) += 0.5 * u.dt_s * u.speed_var;
+    Q(kVel + i, kPos + i) += 0.5 * u.dt_s * u.speed_var;
+  }
+
+  const auto rest = [&t](int index) -> double& { return t.rest_noise[index - Transition::kTop]; };
+  for (int i = first_axis; i < 3; ++i) rest(kGyroBias + i) = u.gyro_bias_var;
+  for (int i = 0; i < axes; ++i) rest(kGnssBias + i) = u.gnss_bias_var;
+  if (!planar) {
+    for (int i = 0; i < 3; ++i) rest(kAccelBias + i) = u.accel_bias_var;
+  }
+  rest(kWheelScale) = u.wheel_scale_var;
+  rest(kWheelSkew) = u.wheel_skew_var;
+  rest(kTrack) = u.track_var;
+  rest(kIcrX) = u.icr_var;
+  rest(kHeadingOffset) = u.heading_offset_var;
+  rest(kDisturbance) = u.disturbance_var;
 }
 
 }  // namespace
@@ -112,11 +225,14 @@ StateMatrix Transition::Q() const {
 }
 
 bool Observation::finite() const {
-  if (rows < 1 || !residual.allFinite() || !R.allFinite()) return false;
-  for (int j = 0; j < kStateSize; ++j) {
-    if ((columns >> static_cast<unsigned>(j) & 1U) != 0U && !H.col(j).allFinite()) return false;
+  // Zero times anything that is not finite is not a number.
+  double sum = 0.0;
+  for (int i = 0; i < kMaxRows; ++i) sum += 0.0 * residual[i];
+  for (int i = 0; i < R.size(); ++i) sum += 0.0 * R.data()[i];
+  for (std::uint32_t left = columns; left != 0U; left &= left - 1U) {
+    for (int i = 0; i < kMaxRows; ++i) sum += 0.0 * H(i, __builtin_ctz(left));
   }
-  return true;
+  return rows >= 1 && sum == 0.0;
 }
 
 State Model::transition(const State& x, const Motion& u) const {
@@ -127,93 +243,14 @@ Model::Predicted Model::predict(const State& x, const Motion& u) const {
   const Course c = courseOf(x, u, planar_);
   Predicted result;
   result.x = arrived(x, u, c);
-  Transition& t = result.step;
-  auto& A = t.coupling;
-  t.keep.segment<3>(kVel).setZero();
-  t.keep.segment<3>(kGnssBias).setConstant(u.gnss_bias_decay);
-  t.keep[kHeadingOffset] = u.heading_offset_decay;
-  t.keep[kDisturbance] = u.disturbance_decay;
-
-  // What a turn error about each base axis does to position, velocity and attitude.
-  Eigen::Matrix<double, 9, 3> by_turn = Eigen::Matrix<double, 9, 3>::Zero();
-  const int first_axis = planar_ ? 2 : 0;
-  for (int i = first_axis; i < 3; ++i) {
-    const Eigen::Vector3d axis = c.R_mid.col(i);
-    auto column = by_turn.col(i);
-    column.segment<3>(kAtt) = axis;
-    if (u.rolling) {
-      column.segment<3>(kPos) = -0.5 * c.d.cross(axis);
-      column.segment<3>(kVel) = -c.v_end.cross(axis);
-    } else {
-      column.segment<3>(kVel) = (-0.5 * u.dt_s) * c.push.cross(axis);
-      column.segment<3>(kPos) = 0.5 * u.dt_s * column.segment<3>(kVel);
-    }
-  }
-  if (u.rolling) by_turn.col(2).segment<3>(kPos) -= x.icr_x * c.R_mid.col(1);
-
-  if (u.rolling) {
-    A.block<3, 3>(kPos, kAtt) = -skew(c.d);
-    A.block<3, 3>(kVel, kAtt) = -skew(c.v_end);
-    A.col(kWheelScale).segment<3>(kPos) = c.by_wheels;
-    A.col(kWheelScale).segment<3>(kVel) = c.v_end;
-    A.col(kIcrX).segment<3>(kPos) = -c.turn.z() * c.R_mid.col(1);
-    t.columns = kRolling;
-  } else {
-    const Eigen::Matrix3d skew_push = skew(c.push);
-    A.block<3, 3>(kVel, kVel).setIdentity();
-    A.block<3, 3>(kPos, kVel) = u.dt_s * Eigen::Matrix3d::Identity();
-    A.block<3, 3>(kVel, kAtt) = -u.dt_s * skew_push;
-    A.block<3, 3>(kPos, kAtt) = (-0.5 * u.dt_s * u.dt_s) * skew_push;
-    A.block<3, 3>(kVel, kAccelBias) = -u.dt_s * c.R_mid;
-    A.block<3, 3>(kPos, kAccelBias) = (-0.5 * u.dt_s * u.dt_s) * c.R_mid;
-    t.columns = kCoasting;
-  }
-  if (u.turn_is_gyro) {
-    A.middleCols<3>(kGyroBias) = -u.dt_s * by_turn;
-  } else {
-    A.col(kTrack) = -std::exp(-x.track) * u.turn_rad.z() * by_turn.col(2);
-    A.col(kWheelSkew) = u.forward_m * by_turn.col(2);
-    t.columns |= bits(kWheelSkew, 2);
-  }
-  if (planar_) t.columns &= ~kSpatial;
-
-  auto& Q = t.top_noise;
-  const auto add = [&Q](const Eigen::Matrix<double, 9, 1>& direction, double variance) {
-    Q.noalias() += variance * direction * direction.transpose();
-  };
-  add(by_turn.col(2), u.turn_var);
-  if (!planar_) {
-    add(by_turn.col(0), u.tilt_var);
-    add(by_turn.col(1), u.tilt_var);
-  }
-  const Eigen::Matrix3d& R = c.R_mid;
-  auto Q_p = Q.block<3, 3>(kPos, kPos);
-  Q_p += u.forward_var * R.col(0) * R.col(0).transpose() +
-         u.left_var * R.col(1) * R.col(1).transpose();
-  if (!planar_) Q_p += u.up_var * R.col(2) * R.col(2).transpose();
-  const int axes = planar_ ? 2 : 3;
-  for (int i = 0; i < axes; ++i) {
-    Q(kVel + i, kVel + i) += u.speed_var;
-    if (u.rolling) continue;
-    // An impulse halfway.
-    Q(kPos + i, kPos + i) += 0.25 * u.dt_s * u.dt_s * u.speed_var;
-    Q(kPos + i, kVel + i) += 0.5 * u.dt_s * u.speed_var;
-    Q(kVel + i, kPos + i) += 0.5 * u.dt_s * u.speed_var;
-  }
-
-  const auto rest = [&t](int index) -> double& { return t.rest_noise[index - Transition::kTop]; };
-  for (int i = first_axis; i < 3; ++i) rest(kGyroBias + i) = u.gyro_bias_var;
-  for (int i = 0; i < axes; ++i) rest(kGnssBias + i) = u.gnss_bias_var;
-  if (!planar_) {
-    for (int i = 0; i < 3; ++i) rest(kAccelBias + i) = u.accel_bias_var;
-  }
-  rest(kWheelScale) = u.wheel_scale_var;
-  rest(kWheelSkew) = u.wheel_skew_var;
-  rest(kTrack) = u.track_var;
-  rest(kIcrX) = u.icr_var;
-  rest(kHeadingOffset) = u.heading_offset_var;
-  rest(kDisturbance) = u.disturbance_var;
+  linearise(x, u, c, planar_, result.step);
   return result;
+}
+
+Transition Model::linearised(const State& x, const Motion& u) const {
+  Transition t;
+  linearise(x, u, courseOf(x, u, planar_), planar_, t);
+  return t;
 }
 
 void Model::constrain(StateMatrix& P) const {

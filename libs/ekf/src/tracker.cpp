@@ -154,7 +154,7 @@ void Tracker::step(Motion u) {
 
 void Tracker::settle() {
   if (!pending_) return;
-  const Transition step = shared_->model.predict(pending_->from, pending_->motion).step;
+  const Transition step = shared_->model.linearised(pending_->from, pending_->motion);
   pending_.reset();
   if (tape_ != nullptr) tape_->predicted(step);
   shared_->engine->predict(P_, step);

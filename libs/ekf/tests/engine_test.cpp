@@ -105,6 +105,31 @@ TEST_P(EngineOf, CovarianceStaysSymmetricAndPositiveUnderExtremes) {
   }
 }
 
+TEST(FixedEngine, GivesTheSameBitsOnEveryMachine) {
+  if (bestSimd() == Simd::kPortable) GTEST_SKIP() << "nothing else to compare with";
+  for (const bool planar : {true, false}) {
+    RandomStream random(9, "engine");
+    const Model model(planar);
+    const auto portable = makeFixedEngine(planar, Simd::kPortable);
+    const auto best = makeFixedEngine(planar);
+    StateMatrix P = someCovariance(model);
+    StateMatrix same = P;
+    State x = randomState(random, planar);
+    for (int n = 0; n < 300; ++n) {
+      const auto predicted = model.predict(x, randomMotion(random, planar, n));
+      x = predicted.x;
+      portable->predict(P, predicted.step);
+      best->predict(same, predicted.step);
+      ASSERT_EQ(P, same) << "prediction " << n;
+      const Observation z = randomObservation(random, model, x, n);
+      const Error correction = portable->update(P, z);
+      ASSERT_EQ(correction, best->update(same, z)) << "update " << n;
+      ASSERT_EQ(P, same) << "update " << n;
+      x = plus(x, correction);
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(
     All,
     EngineOf,

@@ -2,6 +2,7 @@
 
 #include <memory>
 
+#include "vestibule/core/simd.hpp"
 #include "vestibule/ekf/model.hpp"
 
 namespace vestibule::ekf {
@@ -45,7 +46,8 @@ class Engine {
 };
 
 /// Fixed-size algebra that leaves out what is zero by structure. \param planar  of the model
-[[nodiscard]] std::unique_ptr<const Engine> makeFixedEngine(bool planar);
+/// \param simd  what it runs on; the same bits with each
+[[nodiscard]] std::unique_ptr<const Engine> makeFixedEngine(bool planar, Simd simd = bestSimd());
 /// On mrpt::bayes::CKalmanFilterCapable.
 [[nodiscard]] std::unique_ptr<const Engine> makeMrptEngine();
 

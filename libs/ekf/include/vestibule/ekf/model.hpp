@@ -103,6 +103,8 @@ class Model {
     Transition step;  ///< linearised at the state before
   };
   [[nodiscard]] Predicted predict(const State& x, const Motion& u) const;
+  /// The step alone.
+  [[nodiscard]] Transition linearised(const State& x, const Motion& u) const;
   /// The state alone.
   [[nodiscard]] State transition(const State& x, const Motion& u) const;
   /// Takes what cannot move in the plane out of a covariance.
