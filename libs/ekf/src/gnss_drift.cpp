@@ -7,7 +7,7 @@
 namespace vestibule::ekf {
 namespace {
 
-constexpr double kWhiteShare = 0.3;  ///< of sigma: what changes from fix to fix
+constexpr double kWhiteShare = 0.2;  ///< of sigma: what changes from fix to fix
 constexpr double kWayError = 0.05;   ///< [-] of the way by odometry, in any direction
 
 double squared(double v) { return v * v; }
