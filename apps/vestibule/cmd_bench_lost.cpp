@@ -103,8 +103,6 @@ void runBenchLost(const Arguments& args, int& exit_code) {
   gui_headless::Report report;
   report.title = "Vestibule: bench lost";
   report.subtitle = args.scenario;
-  report.command_line = "vestibule bench lost --scenario " + args.scenario + " --drives " +
-                        std::to_string(args.drives) + " --seed " + std::to_string(args.seed);
   report.sections.push_back(section);
   output.report(report);
   output.finish();

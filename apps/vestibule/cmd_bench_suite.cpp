@@ -284,7 +284,6 @@ void runSuite(const std::string& path, const std::string& out, int threads, int&
   gui_headless::Report report;
   report.title = "Vestibule: bench suite";
   report.subtitle = suite.path;
-  report.command_line = "vestibule bench suite " + suite.path;
   report.sections.push_back(std::move(section));
   output.report(report);
   double data_s = 0.0;

@@ -99,7 +99,6 @@ void finish(
   gui_headless::Report page;
   page.title = "Vestibule: calibrate " + what;
   page.subtitle = args.log;
-  page.command_line = "vestibule calibrate " + what + " " + args.log;
   page.sections.push_back(std::move(section));
   output.report(page);
   output.finish();

@@ -74,7 +74,6 @@ class Demo {
     report_.title = "Vestibule: the tour";
     report_.subtitle =
         "Two real recordings indoors, one outdoors, and one mission through the door";
-    report_.command_line = "./vestibule demo";
     output_.report(report_);
     Json& s = output_.summary();
     for (const auto& f : report_.summary) {

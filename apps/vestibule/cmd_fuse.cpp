@@ -336,7 +336,6 @@ void addFuse(CLI::App& app, int& exit_code) {
     gui_headless::Report page;
     page.title = "Vestibule: fuse";
     page.subtitle = o->args.log;
-    page.command_line = "vestibule fuse " + o->args.log;
     gui_headless::ReportSection section = runFuse(o->args, output, result);
     std::vector<HiddenOutages> outages;
     for (const double length_s : o->hidden_s) outages.push_back(hideFixes(o->args, length_s));

@@ -175,8 +175,6 @@ void addLocalize(CLI::App& app, int& exit_code) {
     gui_headless::Report report;
     report.title = "Vestibule: localize";
     report.subtitle = o->args.log;
-    report.command_line = "vestibule localize " + o->args.log + " --map " + o->args.map +
-                          (o->init.empty() ? " --global" : " --init " + o->init);
     report.sections.push_back(runLocalize(o->args, output, result));
     output.report(report);
     output.finish();

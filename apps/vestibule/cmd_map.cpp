@@ -1,3 +1,5 @@
+#include <malloc.h>
+
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -65,7 +67,6 @@ void mapKnownPoses(const MapArguments& args) {
   gui_headless::Report report;
   report.title = "Vestibule: map";
   report.subtitle = args.log;
-  report.command_line = "vestibule map " + args.log + " --known-poses";
   report.sections.push_back(std::move(section));
   output.report(report);
   const double span_s = toSeconds(result.trajectory.back().stamp - result.trajectory.front().stamp);
@@ -97,7 +98,7 @@ void removeJournal(const RunOutput& output) {
 }
 
 /// Exit code.
-int mapDrive(const MapArguments& args, const std::string& command_line) {
+int mapDrive(const MapArguments& args) {
   const pipeline::Config config = mapConfig(args);
   RunOutput output(args.out, "map", config);
   auto [result, section] = [&] {
@@ -113,7 +114,6 @@ int mapDrive(const MapArguments& args, const std::string& command_line) {
   gui_headless::Report report;
   report.title = "Vestibule: map";
   report.subtitle = args.log;
-  report.command_line = command_line;
   report.sections.push_back(std::move(section));
   output.report(report);
   output.finish();
@@ -138,14 +138,14 @@ int mapDrive(const MapArguments& args, const std::string& command_line) {
 }
 
 /// The map of an earlier run without one of its sessions.
-void mapWithoutSession(const MapArguments& args, const std::string& command_line) {
+void mapWithoutSession(const MapArguments& args) {
   const pipeline::Config config = mapConfig(args);
   RunOutput output(args.out, "map", config);
   const std::vector<io::MapFrame> frames = earlierFrames(args);
   const auto [map, sessions] = pipeline::mapOfFrames(frames, config);
   io::saveMapServer(map, output.stage("map.yaml"), output.stage("map.pgm"), "map.pgm");
   io::saveSimpleMap(output.stage("map.simplemap"), frames);
-  io::saveLayer(output.stage("sessions.pgm"), map.width(), sessions.seen_by);
+  saveSessions(sessions, map, output);
   metrics::Trajectory trajectory;
   for (const io::MapFrame& f : frames) trajectory.push_back({f.scan.stamp, f.T_map_base});
   output.trajectory(trajectory);
@@ -162,12 +162,21 @@ void mapWithoutSession(const MapArguments& args, const std::string& command_line
   gui_headless::Report report;
   report.title = "Vestibule: map";
   report.subtitle = args.extend;
-  report.command_line = command_line;
   report.sections.push_back(std::move(section));
   output.report(report);
   output.finish();
   std::printf("%zu scans without session %d\n", frames.size(), *args.cut);
   printMap(map, output);
+}
+
+/// A drive takes megabytes of scans and maps in turn: what was freed goes back to the system
+/// instead of waiting for something of the same size.
+void keepMemorySmall() {
+#ifdef __GLIBC__
+  constexpr int kLarge = 128 * 1024;
+  mallopt(M_MMAP_THRESHOLD, kLarge);
+  mallopt(M_TRIM_THRESHOLD, kLarge);
+#endif
 }
 
 void check(const MapArguments& args, bool known_poses) {
@@ -209,6 +218,7 @@ void addMap(CLI::App& app, int& exit_code) {
       "--gmapping-params", o->args.gmapping_params, "YAML of GMapping parameters by their names");
   command->add_option("--particles", o->args.particles, "number of particles")
       ->check(CLI::Range(1, 10000));
+  command->add_option("--seed", o->args.seed, "seed of all randomness");
   command->add_option(
       "--extend", o->args.extend, "output folder of a map run to add this drive to");
   command->add_option("--init", o->init, "start pose x_m,y_m,yaw_rad in the map to extend");
@@ -229,14 +239,14 @@ void addMap(CLI::App& app, int& exit_code) {
   command->callback([o, &exit_code] {
     if (!o->init.empty()) o->args.init = parsePose(o->init);
     check(o->args, o->known_poses);
-    const std::string command_line = "vestibule map " + o->args.log;
     exit_code = kDone;
+    keepMemorySmall();
     if (o->known_poses) {
       mapKnownPoses(o->args);
     } else if (o->args.log.empty()) {
-      mapWithoutSession(o->args, command_line + "--extend " + o->args.extend);
+      mapWithoutSession(o->args);
     } else {
-      exit_code = mapDrive(o->args, command_line);
+      exit_code = mapDrive(o->args);
     }
   });
 }

@@ -160,8 +160,6 @@ void addMission(CLI::App& app, int& exit_code) {
     gui_headless::Report report;
     report.title = "Vestibule: mission";
     report.subtitle = o->args.mission + " in " + o->args.world;
-    report.command_line = "vestibule mission " + o->args.mission + " --world " + o->args.world +
-                          " --seed " + std::to_string(o->args.seed);
     report.sections.push_back(runMissionCommand(o->args, output, result));
     output.report(report);
     output.finish();

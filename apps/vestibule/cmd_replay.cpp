@@ -145,8 +145,6 @@ void addReplay(CLI::App& app, int& exit_code) {
     gui_headless::Report report;
     report.title = "Vestibule: replay";
     report.subtitle = args->log + " at " + args->site;
-    report.command_line = "vestibule replay " + args->log + " --site " + args->site +
-                          (args->init.empty() ? "" : " --init " + args->init);
     report.sections.push_back(runReplay(*args, output, result));
     output.report(report);
     output.finish();

@@ -238,8 +238,6 @@ void runSim(const Arguments& args, int& exit_code) {
     gui_headless::Report report;
     report.title = "Vestibule: sim";
     report.subtitle = scenario.name + " in the world " + scenario.world.name;
-    report.command_line =
-        "vestibule sim --scenario " + args.scenario + " --seed " + std::to_string(args.seed);
     report.sections.push_back(describeDrive(scenario, d, *output));
     output->report(report);
     output->finish();

@@ -279,7 +279,6 @@ void writeResult(
   gui_headless::Report report;
   report.title = "Vestibule: tune";
   report.subtitle = session.path;
-  report.command_line = "vestibule tune " + session.path;
   report.sections.push_back(resultSection(session, space, r));
   const pipeline::Config best = tuning::withValues(session.base, space.named(r.winner));
   for (std::size_t i = 0; i < std::min(kPathsShown, subject.drives(Role::kValidation)); ++i) {

@@ -77,6 +77,7 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   vestibule::app::installSignalHandlers();
+  vestibule::app::noteCommandLine(argc, argv);
   try {
     return run(argc, argv);
   } catch (const vestibule::app::Interrupted& e) {

@@ -5,6 +5,7 @@
 #include "terminal.hpp"
 #include "vestibule/core/angles.hpp"
 #include "vestibule/core/errors.hpp"
+#include "vestibule/core/memory.hpp"
 #include "vestibule/core/params.hpp"
 #include "vestibule/gui_headless/charts.hpp"
 #include "vestibule/io/map_io.hpp"
@@ -145,6 +146,14 @@ Json sessionsJson(const mapping::SessionCells& sessions, const std::vector<io::M
   return list;
 }
 
+void saveSessions(
+    const mapping::SessionCells& sessions, const grid::OccupancyMap& map, RunOutput& output) {
+  io::saveLayer(
+      output.stage("sessions.pgm"), map.width(), map.height(), sessions.wide(), [&](int iy) {
+        return sessions.seenBy(map, iy);
+      });
+}
+
 void addSessions(const mapping::SessionCells& sessions, gui_headless::ReportSection& section) {
   if (sessions.shares.size() < 2) return;
   for (const mapping::SessionShare& share : sessions.shares) {
@@ -162,6 +171,7 @@ pipeline::Config mapConfig(const MapArguments& args) {
     config.mapping.gmapping = names;
     names.applyTo(config.mapping.filter);
   }
+  if (args.seed) config.seed = *args.seed;
   if (args.particles) {
     config.mapping.filter.particles = *args.particles;
     if (config.mapping.gmapping.particles) config.mapping.gmapping.particles = *args.particles;
@@ -229,10 +239,13 @@ std::pair<pipeline::MapDriveResult, gui_headless::ReportSection> runMap(
       "map.pgm",
       result.georeference);
   io::saveSimpleMap(output.stage("map.simplemap"), result.frames);
-  io::saveLayer(output.stage("sessions.pgm"), result.map.width(), result.sessions.seen_by);
+  saveSessions(result.sessions, result.map, output);
   Json& s = output.summary();
   s["input"] = args.log;
   summarise(result, config, s);
+  result.frames = {};  // the pictures need the memory
+  result.sessions.maps.clear();
+  giveBackFreedMemory();
 
   gui_headless::Scene scene;
   scene.prior_maps = {&result.map};

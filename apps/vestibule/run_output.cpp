@@ -42,7 +42,8 @@ void RunOutput::timing(double wall_s, double data_s) {
   text("timing.json", timing.dump(2) + "\n");
 }
 
-void RunOutput::report(const gui_headless::Report& report) {
+void RunOutput::report(gui_headless::Report report) {
+  report.command_line = commandLine();
   text("report.html", gui_headless::renderReport(report));
 }
 

@@ -44,7 +44,8 @@ class RunOutput {
   }
   /// Wall time and real-time factor.
   void timing(double wall_s, double data_s);
-  void report(const gui_headless::Report& report);
+  /// With the command line in it.
+  void report(gui_headless::Report report);
   /// Writes the summary and gives everything its final name.
   void finish();
 

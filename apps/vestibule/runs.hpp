@@ -53,6 +53,7 @@ struct MapArguments {
   std::string config;
   std::string gmapping_params;
   std::optional<int> particles;
+  std::optional<std::uint64_t> seed;
   std::optional<Pose2> init;
   std::string extend;      ///< output folder of an earlier map run
   std::optional<int> cut;  ///< session that is left out
@@ -71,6 +72,8 @@ struct MapArguments {
 /// there are several.
 [[nodiscard]] Json sessionsJson(
     const mapping::SessionCells& sessions, const std::vector<io::MapFrame>& frames);
+void saveSessions(
+    const mapping::SessionCells& sessions, const grid::OccupancyMap& map, RunOutput& output);
 void addSessions(const mapping::SessionCells& sessions, gui_headless::ReportSection& section);
 [[nodiscard]] std::pair<pipeline::MapDriveResult, gui_headless::ReportSection> runMap(
     const MapArguments& args, const pipeline::Config& config, RunOutput& output);

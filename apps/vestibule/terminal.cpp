@@ -3,14 +3,35 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
+#include <cstring>
 
 namespace vestibule::app {
 namespace {
 
 volatile std::sig_atomic_t interrupt_requested = 0;
+
+std::string command_line;  // for the reports
+
+/// As a shell takes it for one word.
+std::string quotedForShell(const std::string& word) {
+  const auto plain = [](unsigned char c) {
+    return std::isalnum(c) != 0 || std::strchr("_./,:=+-@%", c) != nullptr;
+  };
+  if (!word.empty() && std::all_of(word.begin(), word.end(), plain)) return word;
+  std::string quoted = "'";
+  for (const char c : word) {
+    if (c == '\'') {
+      quoted += "'\\''";
+    } else {
+      quoted += c;
+    }
+  }
+  return quoted + "'";
+}
 
 void onSignal(int /*signal*/) { interrupt_requested = 1; }
 
@@ -39,6 +60,18 @@ bool takeInterrupt() {
   interrupt_requested = 0;
   return requested;
 }
+
+void noteCommandLine(int argc, char** argv) {
+  command_line = "vestibule";
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    if (word == "--out") ++i;
+    if (word == "--out" || word.rfind("--out=", 0) == 0 || word == "--resume") continue;
+    command_line += " " + quotedForShell(word);
+  }
+}
+
+std::string commandLine() { return command_line; }
 
 ProgressBar::ProgressBar(std::string label)
     : label_(std::move(label)),

@@ -23,6 +23,11 @@ void checkInterrupted();
 /// Whether a signal has come since the last time; for runs that end gracefully.
 [[nodiscard]] bool takeInterrupt();
 
+/// Remembers what was typed, for the reports.
+void noteCommandLine(int argc, char** argv);
+/// What to type to get a report again: without the output folder, and without --resume.
+[[nodiscard]] std::string commandLine();
+
 /// A line on the terminal with share, rate and time left; silent when standard error is not one.
 /// Also where a run notices Ctrl-C.
 class ProgressBar {

@@ -17,6 +17,7 @@ constexpr int kOversampling = 2;
 constexpr int kShift = 4;  // sub-pixel bits of OpenCV's drawing functions
 constexpr double kSubPixels = 1 << kShift;
 constexpr double kClipMargin = 400.0;
+constexpr int kBandRows = 64;  // of the final picture, drawn at a time
 
 cv::Scalar bgr(std::string_view colour) {
   const std::string hex(colour.substr(1));
@@ -56,8 +57,10 @@ constexpr double kCapHeightOfSize = 0.72;
 }  // namespace
 
 Canvas::Canvas(int width_px, int height_px, double density, std::string_view background)
-    : scale_(kOversampling * density),
-      image_(height_px * kOversampling, width_px * kOversampling, CV_8UC3, bgr(background)) {}
+    : width_px_(width_px),
+      height_px_(height_px),
+      scale_(kOversampling * density),
+      background_(bgr(background)) {}
 
 // OpenCV puts the centre of the first pixel at 0; ours is its outer edge.
 cv::Point Canvas::fixedPoint(Px p) const {
@@ -79,7 +82,7 @@ cv::Rect Canvas::pixelRect(const cv::Rect2d& rect) const {
   const cv::Rect pixels(
       cv::Point(round(rect.x), round(rect.y)),
       cv::Point(round(rect.x + rect.width), round(rect.y + rect.height)));
-  return pixels & cv::Rect(0, 0, image_.cols, image_.rows);
+  return pixels & cv::Rect(0, 0, kOversampling * width_px_, kOversampling * height_px_);
 }
 
 double Canvas::fontScale(const TextLook& look) const {
@@ -90,17 +93,20 @@ int Canvas::stroke(const TextLook& look) const {
   return thickness(look.size / (look.bold ? 13.0 : 20.0));
 }
 
+std::optional<std::pair<Canvas::Px, Canvas::Px>> Canvas::visible(Px a, Px b) const {
+  return clip(a, b, kOversampling * width_px_ / scale_, kOversampling * height_px_ / scale_);
+}
+
 void Canvas::line(Px a, Px b, std::string_view colour, double width) {
-  const auto part = clip(a, b, image_.cols / scale_, image_.rows / scale_);
+  const auto part = visible(a, b);
   if (!part) return;
-  cv::line(
-      image_,
-      fixedPoint(part->first),
-      fixedPoint(part->second),
-      bgr(colour),
-      thickness(width),
-      cv::LINE_AA,
-      kShift);
+  steps_.emplace_back([from = fixedPoint(part->first),
+                       to = fixedPoint(part->second),
+                       ink = bgr(colour),
+                       pen = thickness(width)](const Band& band) {
+    const cv::Point up(0, band.top << kShift);
+    cv::line(band.pixels, from - up, to - up, ink, pen, cv::LINE_AA, kShift);
+  });
 }
 
 void Canvas::polyline(const std::vector<Px>& points, std::string_view colour, double width) {
@@ -112,7 +118,7 @@ void Canvas::dashedPolyline(
   const double period = on + off;
   double phase = 0.0;  // position within the current dash and gap
   for (std::size_t i = 1; i < points.size(); ++i) {
-    const auto part = clip(points[i - 1], points[i], image_.cols / scale_, image_.rows / scale_);
+    const auto part = visible(points[i - 1], points[i]);
     if (!part) continue;
     const Px d = part->second - part->first;
     const double length = std::hypot(d.x, d.y);
@@ -137,13 +143,18 @@ void Canvas::fillPolygon(const std::vector<Px>& points, std::string_view colour)
     if (std::abs(p.x) > 1e6 || std::abs(p.y) > 1e6) return;
     corners.push_back(fixedPoint(p));
   }
-  cv::fillPoly(
-      image_, std::vector<std::vector<cv::Point>>{corners}, bgr(colour), cv::LINE_AA, kShift);
+  steps_.emplace_back([corners = std::move(corners), ink = bgr(colour)](const Band& band) {
+    std::vector<cv::Point> there = corners;
+    for (cv::Point& p : there) p.y -= band.top << kShift;
+    cv::fillPoly(band.pixels, std::vector<std::vector<cv::Point>>{there}, ink, cv::LINE_AA, kShift);
+  });
 }
 
 void Canvas::fillRect(const cv::Rect2d& rect, std::string_view colour) {
-  const cv::Rect pixels = pixelRect(rect);
-  if (pixels.area() > 0) image_(pixels).setTo(bgr(colour));
+  steps_.emplace_back([rect = pixelRect(rect), ink = bgr(colour)](const Band& band) {
+    const cv::Rect here = band.part(rect);
+    if (here.area() > 0) band.pixels(here).setTo(ink);
+  });
 }
 
 void Canvas::strokeRect(const cv::Rect2d& r, std::string_view colour, double width) {
@@ -158,15 +169,20 @@ void Canvas::strokeRect(const cv::Rect2d& r, std::string_view colour, double wid
 }
 
 void Canvas::fillCircle(Px centre, double radius, std::string_view colour) {
-  if (!(std::abs(centre.x) < 1e6 && std::abs(centre.y) < 1e6)) return;
-  const int r = fixedLength(radius);
-  cv::circle(image_, fixedPoint(centre), r, bgr(colour), cv::FILLED, cv::LINE_AA, kShift);
+  circle(centre, radius, colour, cv::FILLED);
 }
 
 void Canvas::strokeCircle(Px centre, double radius, std::string_view colour, double width) {
+  circle(centre, radius, colour, thickness(width));
+}
+
+void Canvas::circle(Px centre, double radius, std::string_view colour, int pen) {
   if (!(std::abs(centre.x) < 1e6 && std::abs(centre.y) < 1e6)) return;
-  const int r = fixedLength(radius);
-  cv::circle(image_, fixedPoint(centre), r, bgr(colour), thickness(width), cv::LINE_AA, kShift);
+  steps_.emplace_back(
+      [at = fixedPoint(centre), r = fixedLength(radius), ink = bgr(colour), pen](const Band& band) {
+        const cv::Point up(0, band.top << kShift);
+        cv::circle(band.pixels, at - up, r, ink, pen, cv::LINE_AA, kShift);
+      });
 }
 
 double Canvas::textWidth(const std::string& words, const TextLook& look) const {
@@ -184,27 +200,44 @@ void Canvas::text(const std::string& words, Px baseline, const TextLook& look) {
   const cv::Point origin(
       static_cast<int>(std::lround(x * scale_)),
       static_cast<int>(std::lround(baseline.y * scale_)));
-  const std::string ascii = asciiText(words);
   const auto put = [&](std::string_view colour, int pen) {
-    cv::putText(image_, ascii, origin, kFont, fontScale(look), bgr(colour), pen, cv::LINE_AA);
+    steps_.emplace_back(
+        [ascii = asciiText(words), origin, size = fontScale(look), ink = bgr(colour), pen](
+            const Band& band) {
+          const cv::Point up(0, band.top);
+          cv::putText(band.pixels, ascii, origin - up, kFont, size, ink, pen, cv::LINE_AA);
+        });
   };
   if (look.halo) put(palette::kPaper, stroke(look) + thickness(3.5));
   put(look.colour, stroke(look));
 }
 
-void Canvas::blend(double opacity, const std::function<void()>& draw) {
-  const cv::Mat before = image_.clone();
+std::vector<Canvas::Step> Canvas::stepsOf(const std::function<void()>& draw) {
+  std::vector<Step> steps;
+  steps_.swap(steps);
   draw();
-  cv::addWeighted(image_, opacity, before, 1.0 - opacity, 0.0, image_);
+  steps_.swap(steps);
+  return steps;
+}
+
+void Canvas::blend(double opacity, const std::function<void()>& draw) {
+  steps_.emplace_back([opacity, steps = stepsOf(draw)](const Band& band) {
+    const cv::Mat before = band.pixels.clone();
+    for (const Step& step : steps) step(band);
+    cv::addWeighted(band.pixels, opacity, before, 1.0 - opacity, 0.0, band.pixels);
+  });
 }
 
 void Canvas::clipped(const cv::Rect2d& rect, const std::function<void()>& draw) {
-  const cv::Mat before = image_.clone();
-  draw();
-  const cv::Rect pixels = pixelRect(rect);
-  cv::Mat inside = image_(pixels).clone();
-  before.copyTo(image_);
-  inside.copyTo(image_(pixels));
+  steps_.emplace_back([rect = pixelRect(rect), steps = stepsOf(draw)](const Band& band) {
+    const cv::Rect here = band.part(rect);
+    if (here.area() <= 0) return;
+    const cv::Mat before = band.pixels.clone();
+    for (const Step& step : steps) step(band);
+    const cv::Mat inside = band.pixels(here).clone();
+    before.copyTo(band.pixels);
+    inside.copyTo(band.pixels(here));
+  });
 }
 
 void Canvas::overlay(const cv::Mat& image, const cv::Matx23d& M, bool smooth) {
@@ -212,23 +245,21 @@ void Canvas::overlay(const cv::Mat& image, const cv::Matx23d& M, bool smooth) {
   cv::Matx23d pixels = M * scale_;
   pixels(0, 2) += 0.5 * (pixels(0, 0) + pixels(0, 1)) - 0.5;
   pixels(1, 2) += 0.5 * (pixels(1, 0) + pixels(1, 1)) - 0.5;
-  // In bands: a second image of the canvas' size is the most memory that a run would ever need.
-  constexpr int kBand = 128;
-  cv::Mat warped;
-  for (int top = 0; top < image_.rows; top += kBand) {
-    cv::Mat band = image_.rowRange(top, std::min(top + kBand, image_.rows));
+  steps_.emplace_back([image, pixels, smooth](const Band& band) {
+    cv::Matx23d here = pixels;
+    here(1, 2) -= band.top;
+    cv::Mat warped;
     cv::warpAffine(
         image,
         warped,
-        pixels,
-        band.size(),
+        here,
+        band.pixels.size(),
         smooth ? cv::INTER_LINEAR : cv::INTER_NEAREST,
         cv::BORDER_CONSTANT);
-    pixels(1, 2) -= kBand;
-    for (int y = 0; y < band.rows; ++y) {
+    for (int y = 0; y < warped.rows; ++y) {
       const auto* over = warped.ptr<cv::Vec4b>(y);
-      auto* below = band.ptr<cv::Vec3b>(y);
-      for (int x = 0; x < band.cols; ++x) {
+      auto* below = band.pixels.ptr<cv::Vec3b>(y);
+      for (int x = 0; x < warped.cols; ++x) {
         const int transparency = 255 - over[x][3];
         if (transparency == 255) continue;
         for (int c = 0; c < 3; ++c) {
@@ -237,20 +268,22 @@ void Canvas::overlay(const cv::Mat& image, const cv::Matx23d& M, bool smooth) {
         }
       }
     }
-  }
+  });
 }
 
 std::string Canvas::png() const {
-  cv::Mat shrunk;
-  cv::resize(
-      image_,
-      shrunk,
-      {image_.cols / kOversampling, image_.rows / kOversampling},
-      0.0,
-      0.0,
-      cv::INTER_AREA);
+  cv::Mat picture(height_px_, width_px_, CV_8UC3);
+  cv::Mat drawn;
+  for (int top = 0; top < height_px_; top += kBandRows) {
+    cv::Mat part = picture.rowRange(top, std::min(top + kBandRows, height_px_));
+    drawn.create(kOversampling * part.rows, kOversampling * part.cols, CV_8UC3);
+    drawn.setTo(background_);
+    const Band band{drawn, kOversampling * top};
+    for (const Step& step : steps_) step(band);
+    cv::resize(drawn, part, part.size(), 0.0, 0.0, cv::INTER_AREA);
+  }
   std::vector<uchar> bytes;
-  cv::imencode(".png", shrunk, bytes, {cv::IMWRITE_PNG_COMPRESSION, 6});
+  cv::imencode(".png", picture, bytes, {cv::IMWRITE_PNG_COMPRESSION, 6});
   return {bytes.begin(), bytes.end()};
 }
 

@@ -2,8 +2,10 @@
 
 #include <functional>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "vestibule/core/frames.hpp"
@@ -13,6 +15,8 @@ namespace vestibule::gui_headless {
 /// A picture drawn at twice its size and shrunk at the end, which smooths lines and stroke fonts.
 /// All coordinates and widths are in layout pixels, y down, fractions welcome; the final picture
 /// has `density` pixels per layout pixel, so that text keeps its size beside the text of a page.
+/// What is to be drawn is noted, and drawn band by band when the picture is asked for: that takes a
+/// fraction of the memory of a whole picture at twice its size.
 class Canvas {
  public:
   using Px = cv::Point2d;
@@ -58,15 +62,34 @@ class Canvas {
   [[nodiscard]] std::string png() const;
 
  private:
+  /// Some rows of the picture that is really drawn.
+  struct Band {
+    cv::Mat& pixels;
+    int top = 0;  ///< first of the rows
+    [[nodiscard]] cv::Rect part(const cv::Rect& of_picture) const {
+      const cv::Rect moved(of_picture.tl() - cv::Point(0, top), of_picture.size());
+      return moved & cv::Rect(0, 0, pixels.cols, pixels.rows);
+    }
+  };
+  using Step = std::function<void(const Band&)>;
+
   [[nodiscard]] cv::Point fixedPoint(Px p) const;
   [[nodiscard]] int fixedLength(double length) const;
   [[nodiscard]] int thickness(double width) const;
   [[nodiscard]] cv::Rect pixelRect(const cv::Rect2d& rect) const;
+  /// What of a line is in the picture or near it.
+  [[nodiscard]] std::optional<std::pair<Px, Px>> visible(Px a, Px b) const;
   [[nodiscard]] double fontScale(const TextLook& look) const;
   [[nodiscard]] int stroke(const TextLook& look) const;
+  void circle(Px centre, double radius, std::string_view colour, int pen);
+  /// The steps that `draw` notes.
+  [[nodiscard]] std::vector<Step> stepsOf(const std::function<void()>& draw);
 
-  double scale_;  ///< pixels of image_ per layout pixel
-  cv::Mat image_;
+  int width_px_;
+  int height_px_;
+  double scale_;  ///< really drawn pixels per layout pixel
+  cv::Scalar background_;
+  std::vector<Step> steps_;
 };
 
 /// North-up mapping of a part of the map frame onto a rectangle of a canvas.

@@ -26,6 +26,75 @@ std::vector<Px> pixels(const View& view, const geo::Polygon& polygon) {
   return corners;
 }
 
+/// A rectangle of a map's cells.
+struct CellRange {
+  int x0 = 0, y0 = 0, columns = 0, rows = 0;
+};
+
+/// The cells that the view shows, with some more around them.
+CellRange shownCells(const View& view, const grid::OccupancyMap& map, int margin) {
+  const Pose2 T_grid_map = inverse(map.T_map_grid());
+  double x0 = std::numeric_limits<double>::infinity();
+  double y0 = x0;
+  double x1 = -x0;
+  double y1 = -x0;
+  for (const double x : {view.west(), view.east()}) {
+    for (const double y : {view.south(), view.north()}) {
+      const Point2 p_grid = transform(T_grid_map, Point2(x, y));
+      x0 = std::min(x0, p_grid.x);
+      x1 = std::max(x1, p_grid.x);
+      y0 = std::min(y0, p_grid.y);
+      y1 = std::max(y1, p_grid.y);
+    }
+  }
+  const auto column = [&](double x) {
+    const double cell = std::floor((x - map.corner().x) / map.resolution());
+    return std::clamp(cell, -1e6, 1e6);
+  };
+  const auto row = [&](double y) {
+    const double cell = std::floor((y - map.corner().y) / map.resolution());
+    return std::clamp(cell, -1e6, 1e6);
+  };
+  CellRange range;
+  range.x0 = std::max(0, static_cast<int>(column(x0)) - margin);
+  range.y0 = std::max(0, static_cast<int>(row(y0)) - margin);
+  range.columns = std::min(map.width(), static_cast<int>(column(x1)) + 1 + margin) - range.x0;
+  range.rows = std::min(map.height(), static_cast<int>(row(y1)) + 1 + margin) - range.y0;
+  return range;
+}
+
+/// Shares of the occupied and of the known cells, 0..255, block x block cells to a pixel; row 0 is
+/// the southern one. What a block has beyond the range counts as unknown.
+std::pair<cv::Mat, cv::Mat> averaged(
+    const grid::OccupancyMap& map, const CellRange& range, int block) {
+  const int w = (range.columns + block - 1) / block;
+  const int h = (range.rows + block - 1) / block;
+  cv::Mat occupied(h, w, CV_8U);
+  cv::Mat known(h, w, CV_8U);
+  std::vector<int> occupied_cells(static_cast<std::size_t>(w));
+  std::vector<int> known_cells(static_cast<std::size_t>(w));
+  for (int y = 0; y < h; ++y) {
+    std::fill(occupied_cells.begin(), occupied_cells.end(), 0);
+    std::fill(known_cells.begin(), known_cells.end(), 0);
+    for (int row = y * block; row < std::min(range.rows, (y + 1) * block); ++row) {
+      for (int column = 0; column < range.columns; ++column) {
+        const grid::Cell cell = map.cell(range.x0 + column, range.y0 + row);
+        const auto x = static_cast<std::size_t>(column / block);
+        occupied_cells[x] += cell == grid::Cell::kOccupied ? 1 : 0;
+        known_cells[x] += cell == grid::Cell::kUnknown ? 0 : 1;
+      }
+    }
+    for (int x = 0; x < w; ++x) {
+      const auto share = [&](const std::vector<int>& cells) {
+        return static_cast<uchar>(255 * cells[static_cast<std::size_t>(x)] / (block * block));
+      };
+      occupied.at<uchar>(y, x) = share(occupied_cells);
+      known.at<uchar>(y, x) = share(known_cells);
+    }
+  }
+  return {occupied, known};
+}
+
 }  // namespace
 
 double LabelPlacer::cost(const cv::Rect2d& rect) const {
@@ -110,32 +179,22 @@ void drawGridLabels(Canvas& canvas, const View& view, LabelPlacer& labels) {
 }
 
 void drawPriorMap(Canvas& canvas, const View& view, const grid::OccupancyMap& map) {
-  const int w = map.width();
-  const int h = map.height();
-  if (w <= 0 || h <= 0) return;
-  cv::Mat occupied(h, w, CV_8U, cv::Scalar(0));
-  cv::Mat known(h, w, CV_8U, cv::Scalar(0));
-  for (int y = 0; y < h; ++y) {  // row 0 is the southern one here; M turns it over
-    auto* occupied_row = occupied.ptr<uchar>(y);
-    auto* known_row = known.ptr<uchar>(y);
-    for (int x = 0; x < w; ++x) {
-      const grid::Cell cell = map.cell(x, y);
-      occupied_row[x] = cell == grid::Cell::kOccupied ? 255 : 0;
-      known_row[x] = cell == grid::Cell::kUnknown ? 0 : 255;
-    }
-  }
   // Where many cells share a pixel, average them first, and strengthen walls of one cell's width
   // so that they do not fade away.
   const double px_per_cell = canvas.scale() * view.pxPerMetre() * map.resolution();
-  double gain = 1.0;
-  if (px_per_cell < 1.0) {
-    const double shrink = 1.0 / px_per_cell;
+  const double shrink = std::max(1.0, 1.0 / px_per_cell);
+  const int block = static_cast<int>(shrink);
+  const CellRange shown = shownCells(view, map, 2 * block);
+  if (shown.columns <= 0 || shown.rows <= 0) return;
+  auto [occupied, known] = averaged(map, shown, block);
+  const double gain = shrink > 1.0 ? std::min(1.5 * shrink, 6.0) : 1.0;
+  const cv::Size cells = occupied.size() * block;
+  if (shrink > block) {
     const cv::Size size(
-        std::max(1, static_cast<int>(std::lround(w / shrink))),
-        std::max(1, static_cast<int>(std::lround(h / shrink))));
+        std::max(1, static_cast<int>(std::lround(cells.width / shrink))),
+        std::max(1, static_cast<int>(std::lround(cells.height / shrink))));
     cv::resize(occupied, occupied, size, 0.0, 0.0, cv::INTER_AREA);
     cv::resize(known, known, size, 0.0, 0.0, cv::INTER_AREA);
-    gain = std::min(1.5 * shrink, 6.0);
   }
   const cv::Vec3d paper = bgrOf(palette::kPaper);
   const cv::Vec3d wall = bgrOf(palette::kWall);
@@ -152,10 +211,12 @@ void drawPriorMap(Canvas& canvas, const View& view, const grid::OccupancyMap& ma
           cv::saturate_cast<uchar>(255.0 * alpha)};
     }
   }
-  const double step_x = map.resolution() * w / image.cols;
-  const double step_y = map.resolution() * h / image.rows;
+  const double step_x = map.resolution() * cells.width / image.cols;
+  const double step_y = map.resolution() * cells.height / image.rows;
+  const Point2 first(
+      map.corner().x + shown.x0 * map.resolution(), map.corner().y + shown.y0 * map.resolution());
   const auto toPixel = [&](double column, double row) {
-    const Point2 p_grid(map.corner().x + column * step_x, map.corner().y + row * step_y);
+    const Point2 p_grid(first.x + column * step_x, first.y + row * step_y);
     return view(transform(map.T_map_grid(), p_grid));
   };
   const Px origin = toPixel(0, 0);

@@ -2,8 +2,11 @@
 
 #include <mrpt/maps/COccupancyGridMap2D.h>
 
+#include <algorithm>
 #include <cassert>
 #include <cmath>
+
+#include "vestibule/grid/occupancy_rows.hpp"
 
 namespace vestibule::grid {
 namespace {
@@ -33,6 +36,19 @@ OccupancyMap OccupancyMap::fromCells(
     const std::vector<Cell>& cells,
     const Pose2& T_map_grid) {
   assert(cells.size() == static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  const auto fill = [&](int iy, Cell* row) {
+    std::copy_n(cells.begin() + static_cast<std::ptrdiff_t>(iy) * width, width, row);
+  };
+  return occupancyMapFromRows(width, height, resolution_m, p_grid_corner, fill, T_map_grid);
+}
+
+OccupancyMap occupancyMapFromRows(
+    int width,
+    int height,
+    double resolution_m,
+    const Point2& p_grid_corner,
+    const std::function<void(int iy, Cell* row)>& fill,
+    const Pose2& T_map_grid) {
   auto grid = mrpt::maps::COccupancyGridMap2D::Create();
   // MRPT snaps grid limits to multiples of the resolution: the corner is carried by the pose, so
   // that no origin is rounded.
@@ -41,13 +57,11 @@ OccupancyMap OccupancyMap::fromCells(
       0.0F, res * static_cast<float>(width), 0.0F, res * static_cast<float>(height), res, 0.5F);
   assert(grid->getSizeX() == static_cast<unsigned>(width));
   assert(grid->getSizeY() == static_cast<unsigned>(height));
+  std::vector<Cell> row(static_cast<std::size_t>(width));
   for (int iy = 0; iy < height; ++iy) {
+    fill(iy, row.data());
     for (int ix = 0; ix < width; ++ix) {
-      const auto kind = static_cast<std::size_t>(
-          cells
-              [static_cast<std::size_t>(iy) * static_cast<std::size_t>(width) +
-               static_cast<std::size_t>(ix)]);
-      grid->setCell(ix, iy, kFreeness[kind]);
+      grid->setCell(ix, iy, kFreeness[static_cast<std::size_t>(row[static_cast<std::size_t>(ix)])]);
     }
   }
   return {grid, compose(T_map_grid, Pose2{p_grid_corner.x, p_grid_corner.y, 0.0})};

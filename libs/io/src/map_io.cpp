@@ -175,19 +175,19 @@ void saveMapServer(
     const std::optional<MapGeoreference>& georeference) {
   const int width = map.width();
   const int height = map.height();
-  std::string pixels;
-  pixels.reserve(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  std::ofstream image(image_path, std::ios::binary);
+  image << "P5\n" << width << ' ' << height << "\n255\n";
+  std::string row(static_cast<std::size_t>(width), '\0');
   for (int iy = height - 1; iy >= 0; --iy) {
     for (int ix = 0; ix < width; ++ix) {
       const Cell cell = map.cell(ix, iy);
-      pixels += static_cast<char>(
+      row[static_cast<std::size_t>(ix)] = static_cast<char>(
           cell == Cell::kOccupied ? kPgmOccupied
           : cell == Cell::kFree   ? kPgmFree
                                   : kPgmUnknown);
     }
+    image << row;
   }
-  std::ofstream image(image_path, std::ios::binary);
-  image << "P5\n" << width << ' ' << height << "\n255\n" << pixels;
   image.close();
   if (!image) throw InputError(image_path + ": cannot be written; check the folder and the disk");
 
@@ -202,19 +202,23 @@ void saveMapServer(
   if (!yaml) throw InputError(yaml_path + ": cannot be written; check the folder and the disk");
 }
 
-void saveLayer(const std::string& path, int width, const std::vector<std::uint16_t>& cells) {
-  const std::size_t height = cells.size() / static_cast<std::size_t>(width);
+void saveLayer(
+    const std::string& path,
+    int width,
+    int height,
+    bool wide,
+    const std::function<std::vector<std::uint16_t>(int iy)>& row) {
+  std::ofstream image(path, std::ios::binary);
+  image << "P5\n" << width << ' ' << height << (wide ? "\n65535\n" : "\n255\n");
   std::string pixels;
-  pixels.reserve(2 * cells.size());
-  for (std::size_t row = height; row-- > 0;) {
-    for (std::size_t ix = 0; ix < static_cast<std::size_t>(width); ++ix) {
-      const std::uint16_t value = cells[row * static_cast<std::size_t>(width) + ix];
-      pixels += static_cast<char>(value >> 8U);
+  for (int iy = height - 1; iy >= 0; --iy) {
+    pixels.clear();
+    for (const std::uint16_t value : row(iy)) {
+      if (wide) pixels += static_cast<char>(value >> 8U);
       pixels += static_cast<char>(value & 255U);
     }
+    image << pixels;
   }
-  std::ofstream image(path, std::ios::binary);
-  image << "P5\n" << width << ' ' << height << "\n65535\n" << pixels;
   image.close();
   if (!image) throw InputError(path + ": cannot be written; check the folder and the disk");
 }

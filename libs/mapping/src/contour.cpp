@@ -128,9 +128,7 @@ void Contour::findLines() {
     const double nx = std::cos(angle);
     const double ny = std::sin(angle);
     const bool away = nx * (p_laser.x - double{point.x}) + ny * (p_laser.y - double{point.y}) < 0.0;
-    point.nx = static_cast<float>(away ? -nx : nx);
-    point.ny = static_cast<float>(away ? -ny : ny);
-    point.on_line = true;
+    point.setNormal(away ? -nx : nx, away ? -ny : ny);
   }
 }
 
@@ -187,8 +185,9 @@ Contour::Look Contour::look(const Point2& p_base, double gate_m) const {
 }
 
 bool sameSide(const ContourPoint& p, const ContourPoint& q, double cos_q_p, double sin_q_p) {
-  return !p.on_line || !q.on_line ||
-         (cos_q_p * p.nx - sin_q_p * p.ny) * q.nx + (sin_q_p * p.nx + cos_q_p * p.ny) * q.ny >
+  return !p.onLine() || !q.onLine() ||
+         (cos_q_p * p.nx() - sin_q_p * p.ny()) * q.nx() +
+                 (sin_q_p * p.nx() + cos_q_p * p.ny()) * q.ny() >
              kSameSide;
 }
 
@@ -237,9 +236,9 @@ Quadratic pointToLine(
   };
   // Points of b on surfaces of a: r = n_a . (T_a_b p_b - q_a).
   forMatches(a, b, T_a_b, params.gate_m, [&](const Point2& p_a, const ContourPoint* q, bool) {
-    if (q == nullptr || !q->on_line) return;
-    const double nx = q->nx;
-    const double ny = q->ny;
+    if (q == nullptr || !q->onLine()) return;
+    const double nx = q->nx();
+    const double ny = q->ny();
     const double r = nx * (p_a.x - double{q->x}) + ny * (p_a.y - double{q->y});
     const double rx = p_a.x - T_a_b.x;
     const double ry = p_a.y - T_a_b.y;
@@ -250,9 +249,9 @@ Quadratic pointToLine(
   const double s = std::sin(T_a_b.phi);
   forMatches(
       b, a, inverse(T_a_b), params.gate_m, [&](const Point2& p_b, const ContourPoint* q, bool) {
-        if (q == nullptr || !q->on_line) return;
-        const double nx = q->nx;
-        const double ny = q->ny;
+        if (q == nullptr || !q->onLine()) return;
+        const double nx = q->nx();
+        const double ny = q->ny();
         const double r = nx * (p_b.x - double{q->x}) + ny * (p_b.y - double{q->y});
         add(r, {-(c * nx - s * ny), -(s * nx + c * ny), nx * p_b.y - ny * p_b.x});
       });

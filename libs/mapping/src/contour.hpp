@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -11,14 +12,27 @@
 namespace vestibule::mapping {
 
 /// One echo of a scan, in the base frame, with the direction of the surface around it. A drive
-/// keeps thousands of contours: single precision, some micrometres, is enough.
-struct ContourPoint {
+/// keeps thousands of contours: micrometres, and some hundredths of a milliradian, are enough.
+class ContourPoint {
+ public:
   float x = 0.0F;
   float y = 0.0F;
-  float nx = 0.0F;  ///< unit normal towards the laser, where on_line
-  float ny = 0.0F;
   float range_m = 0.0F;  ///< from the laser; 0 = no echo
-  bool on_line = false;  ///< false: corner, pole, clutter
+
+  /// False: corner, pole, clutter.
+  [[nodiscard]] bool onLine() const { return nx_ != 0 || ny_ != 0; }
+  /// Unit normal towards the laser, where onLine().
+  [[nodiscard]] double nx() const { return nx_ / kUnit; }
+  [[nodiscard]] double ny() const { return ny_ / kUnit; }
+  void setNormal(double nx, double ny) {
+    nx_ = static_cast<std::int16_t>(std::lround(kUnit * nx));
+    ny_ = static_cast<std::int16_t>(std::lround(kUnit * ny));
+  }
+
+ private:
+  static constexpr double kUnit = 32767.0;
+  std::int16_t nx_ = 0;
+  std::int16_t ny_ = 0;
 };
 
 /// False for the two sides of a thin wall, which are two surfaces.

@@ -22,11 +22,14 @@ double effort(const Pose2& T_a_b) {
 
 }  // namespace
 
-void spreadPath(
-    std::vector<ScanNode>& nodes,
+std::vector<Pose2> spreadPath(
+    const std::vector<ScanNode>& nodes,
     const std::vector<std::size_t>& used,
     const std::vector<Pose2>& path) {
   assert(used.size() == path.size());
+  std::vector<Pose2> poses;
+  poses.reserve(nodes.size());
+  for (const ScanNode& node : nodes) poses.push_back(node.T_map_base);
   for (std::size_t k = 0; k < used.size(); ++k) {
     const std::size_t first = used[k];
     const bool is_last = k + 1 == used.size();
@@ -43,16 +46,24 @@ void spreadPath(
     for (std::size_t i = first; i < end; ++i) {
       const Pose2 T = compose(path[k], between(nodes[first].T_odom_base, nodes[i].T_odom_base));
       const double share = is_last || way.back() <= 0.0 ? 0.0 : way[i - first] / way.back();
-      nodes[i].T_map_base = compose(T, interpolate(Pose2{}, correction, share));
+      poses[i] = compose(T, interpolate(Pose2{}, correction, share));
     }
   }
+  return poses;
+}
+
+PatchMap mapOf(const std::vector<PosedScan>& scans, const FilterMapParams& params) {
+  PatchMap map(params.resolution_m, params.occupied_ratio, params.max_count);
+  ScanIntegrator integrator(params);
+  for (const PosedScan& s : scans) integrator.integrate(map, *s.scan, s.T_map_base);
+  return map;
 }
 
 PatchMap mapOf(const std::vector<ScanNode>& nodes, const FilterMapParams& params) {
-  PatchMap map(params.resolution_m, params.occupied_ratio, params.max_count);
-  ScanIntegrator integrator(params);
-  for (const ScanNode& node : nodes) integrator.integrate(map, node.scan, node.T_map_base);
-  return map;
+  std::vector<PosedScan> scans;
+  scans.reserve(nodes.size());
+  for (const ScanNode& node : nodes) scans.push_back({&node.scan, node.T_map_base});
+  return mapOf(scans, params);
 }
 
 std::optional<Pose2> findInMap(

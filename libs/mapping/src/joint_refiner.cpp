@@ -81,16 +81,21 @@ void JointRefiner::choosePairs(const std::vector<Pose2>& T_map_key) {
 std::vector<PairQuadratic> JointRefiner::linearise(
     const std::vector<Pose2>& T_map_key, double gate_m, double& rms_m) const {
   std::vector<PairQuadratic> all(pairs_.size() + keys_.size() - 1);
-  std::vector<Quadratic> sums(pairs_.size());
+  struct Squares {
+    double sum = 0.0;
+    double weight = 0.0;
+  };
+  std::vector<Squares> squares_of(pairs_.size());
   const AlignmentParams alignment{params_.sigma_m, gate_m, params_.effective_points};
   parallelFor(pairs_.size(), threads_, [&](std::size_t i) {
     const Pair& pair = pairs_[i];
-    sums[i] = pointToLine(
+    const Quadratic q = pointToLine(
         keys_[pair.from].contour,
         keys_[pair.to].contour,
         between(T_map_key[pair.from], T_map_key[pair.to]),
         alignment);
-    all[i] = {pair.from, pair.to, sums[i].H, sums[i].g};
+    all[i] = {pair.from, pair.to, q.H, q.g};
+    squares_of[i] = {q.weighted_squares, q.weight};
   });
   // The odometry speaks where the scans say nothing (long corridors).
   for (std::size_t k = 0; k + 1 < keys_.size(); ++k) {
@@ -104,9 +109,9 @@ std::vector<PairQuadratic> JointRefiner::linearise(
   }
   double squares = 0.0;
   double weight = 0.0;
-  for (const Quadratic& q : sums) {
-    squares += q.weighted_squares;
-    weight += q.weight;
+  for (const Squares& s : squares_of) {
+    squares += s.sum;
+    weight += s.weight;
   }
   rms_m = weight > 0.0 ? std::sqrt(squares / weight) : 0.0;
   return all;

@@ -5,6 +5,7 @@
 
 #include "vestibule/core/angles.hpp"
 #include "vestibule/core/parallel.hpp"
+#include "vestibule/mapping/drive_path.hpp"
 
 namespace vestibule::mapping {
 namespace {
@@ -73,28 +74,10 @@ std::vector<Pose2> spreadCorrections(
     const std::vector<ScanNode>& nodes,
     const std::vector<KeyScan>& keys,
     const std::vector<Pose2>& T_map_key) {
-  std::vector<Pose2> poses;
-  poses.reserve(nodes.size());
-  for (const ScanNode& node : nodes) poses.push_back(node.T_map_base);
-  for (std::size_t k = 0; k + 1 < keys.size(); ++k) {
-    const std::size_t first = keys[k].node;
-    const std::size_t last = keys[k + 1].node;
-    const Pose2 T_first_last = between(T_map_key[k], T_map_key[k + 1]);
-    const Pose2 odometry = between(nodes[first].T_odom_base, nodes[last].T_odom_base);
-    const Eigen::Vector3d off = logSe2(between(odometry, T_first_last));
-    const double span = toSeconds(nodes[last].scan.stamp - nodes[first].scan.stamp);
-    for (std::size_t i = first; i < last; ++i) {
-      const double elapsed = toSeconds(nodes[i].scan.stamp - nodes[first].scan.stamp);
-      // Stamps may run backwards: the place in the sequence serves as well.
-      const double by_number = static_cast<double>(i - first) / static_cast<double>(last - first);
-      const double by_time = span > 0.0 ? elapsed / span : by_number;
-      const double share = by_time >= 0.0 && by_time <= 1.0 ? by_time : by_number;
-      const Pose2 T_first_i = between(nodes[first].T_odom_base, nodes[i].T_odom_base);
-      poses[i] = compose(compose(T_map_key[k], T_first_i), expSe2(Eigen::Vector3d(share * off)));
-    }
-  }
-  if (!keys.empty()) poses[keys.back().node] = T_map_key.back();
-  return poses;
+  std::vector<std::size_t> used;
+  used.reserve(keys.size());
+  for (const KeyScan& key : keys) used.push_back(key.node);
+  return spreadPath(nodes, used, T_map_key);
 }
 
 }  // namespace vestibule::mapping

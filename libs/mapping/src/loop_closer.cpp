@@ -24,6 +24,10 @@ constexpr double kRivalApart_m = 0.8;  // ... this far away makes the first ambi
 constexpr double kRivalApart_rad = 0.5;
 constexpr double kYawLever_m = 10.0;  // weighs yaw against position where one number is needed
 constexpr double kBelieved = 0.5;     // weight from which a closure counts as accepted
+// Two closures that fit as well as this confirm each other from farther away.
+constexpr double kStrongAgreement = 0.9;
+constexpr double kStrongMatched = 0.4;
+constexpr double kFarPartner_m = 100.0;
 // What scans that were matched cannot tell about their own error: one sigma.
 constexpr double kClosureFloor_m = 0.03;
 constexpr double kClosureFloor_rad = 0.006;
@@ -234,14 +238,11 @@ void LoopCloser::vote(std::vector<Found>& found, const std::vector<Pose2>& T_map
   const auto travel = [&](std::size_t a, std::size_t b) {
     return std::abs(keys_[a].path_m - keys_[b].path_m);
   };
-  const auto agree = [&](const Found& f, const Found& g) {
+  const auto agree = [&](const Found& f, const Found& g, double within_m) {
     if (f.target == g.target && f.query == g.query) return false;
     const std::size_t tf = f.closure.from, tg = g.closure.from;
     const std::size_t qf = f.closure.to, qg = g.closure.to;
-    if (travel(tf, tg) > params_.closures.partner_m ||
-        travel(qf, qg) > params_.closures.partner_m) {
-      return false;
-    }
+    if (travel(tf, tg) > within_m || travel(qf, qg) > within_m) return false;
     // tf -> qf -> qg against tf -> tg -> qg.
     const PoseWithCovariance one = chained(stepOf(f.constraint, tf), along(qf, qg));
     const PoseWithCovariance other = chained(along(tf, tg), stepOf(g.constraint, tg));
@@ -249,17 +250,22 @@ void LoopCloser::vote(std::vector<Found>& found, const std::vector<Pose2>& T_map
     const Eigen::Matrix3d P = one.cov + other.cov;
     return off.dot(P.ldlt().solve(off)) <= gate_chi2_;
   };
+  const auto strong = [](const Found& f) {
+    return f.closure.agreement >= kStrongAgreement && f.closure.matched >= kStrongMatched;
+  };
   std::vector<char> confirmed(found.size(), 0);
   parallelFor(found.size(), threadCount(params_.threads), [&](std::size_t i) {
+    const auto anyAgrees = [&](double within_m, const auto& counts) {
+      const auto says = [&](const Found& other) {
+        return other.closure.verdict == ClosureVerdict::kAccepted && counts(other) &&
+               agree(found[i], other, within_m);
+      };
+      return std::any_of(found.begin(), found.end(), says) ||
+             std::any_of(accepted_.begin(), accepted_.end(), says);
+    };
     if (found[i].closure.verdict != ClosureVerdict::kAccepted) return;
-    for (std::size_t j = 0; j < found.size() && confirmed[i] == 0; ++j) {
-      if (found[j].closure.verdict == ClosureVerdict::kAccepted && agree(found[i], found[j])) {
-        confirmed[i] = 1;
-      }
-    }
-    for (std::size_t j = 0; j < accepted_.size() && confirmed[i] == 0; ++j) {
-      if (agree(found[i], accepted_[j])) confirmed[i] = 1;
-    }
+    const bool near = anyAgrees(params_.closures.partner_m, [](const Found&) { return true; });
+    confirmed[i] = near || (strong(found[i]) && anyAgrees(kFarPartner_m, strong)) ? 1 : 0;
   });
   for (std::size_t i = 0; i < found.size(); ++i) {
     Closure& closure = found[i].closure;

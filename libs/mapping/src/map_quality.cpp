@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "vestibule/grid/occupancy_rows.hpp"
 #include "vestibule/mapping/scan_matcher.hpp"
 
 namespace vestibule::mapping {
@@ -70,23 +71,21 @@ grid::OccupancyMap toOccupancyMap(const PatchMap& map, double margin_m) {
   box = {box.x0 - rim, box.y0 - rim, box.x1 + rim, box.y1 + rim};
   const int width = box.x1 - box.x0 + 1;
   const int height = box.y1 - box.y0 + 1;
-  std::vector<Cell> cells;
-  cells.reserve(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
-  for (int iy = box.y0; iy <= box.y1; ++iy) {
+  const auto fill = [&](int row, Cell* cells) {
+    const int iy = box.y0 + row;
     for (int ix = box.x0; ix <= box.x1; ++ix) {
       const PointCell cell = map.cell(ix, iy);
-      cells.push_back(
-          !cell.seen()                                   ? Cell::kUnknown
-          : map.occupied(cell) || spreadOut(map, ix, iy) ? Cell::kOccupied
-                                                         : Cell::kFree);
+      *cells++ = !cell.seen()                                   ? Cell::kUnknown
+                 : map.occupied(cell) || spreadOut(map, ix, iy) ? Cell::kOccupied
+                                                                : Cell::kFree;
     }
-  }
-  return grid::OccupancyMap::fromCells(
+  };
+  return grid::occupancyMapFromRows(
       width,
       height,
       map.resolution(),
       {box.x0 * map.resolution(), box.y0 * map.resolution()},
-      cells);
+      fill);
 }
 
 MapQuality judgeMap(

@@ -45,7 +45,10 @@ class NormalEquations {
   /// Change of all poses but the first; empty when the equations cannot be solved.
   Eigen::VectorXd solve(
       const std::vector<Pose2>& poses, const std::vector<PairQuadratic>& pairs, double damping) {
-    triplets_.clear();
+    // Each node's own block is the sum over all its pairs; only what is beside it needs a list.
+    std::vector<Eigen::Matrix3d> own(
+        static_cast<std::size_t>(size_ / 3), damping * Eigen::Matrix3d::Identity());
+    triplets_.reserve(9 * pairs.size() + 6 * own.size());
     Eigen::VectorXd rhs = Eigen::VectorXd::Zero(size_);
     for (const PairQuadratic& pair : pairs) {
       const Jacobians J = jacobians(poses[pair.from], poses[pair.to]);
@@ -53,8 +56,8 @@ class NormalEquations {
       const int b = 3 * (static_cast<int>(pair.to) - 1);
       const Eigen::Matrix3d HJb = pair.H * J.to;
       const Eigen::Matrix3d HJa = pair.H * J.from;
-      if (a >= 0) addBlock(a, a, J.from.transpose() * HJa);
-      if (b >= 0) addBlock(b, b, J.to.transpose() * HJb);
+      if (a >= 0) own[pair.from - 1] += J.from.transpose() * HJa;
+      if (b >= 0) own[pair.to - 1] += J.to.transpose() * HJb;
       if (a >= 0 && b >= 0) {
         if (a > b) {
           addBlock(a, b, J.from.transpose() * HJb);
@@ -65,9 +68,12 @@ class NormalEquations {
       if (a >= 0) rhs.segment<3>(a) -= J.from.transpose() * pair.g;
       if (b >= 0) rhs.segment<3>(b) -= J.to.transpose() * pair.g;
     }
-    for (int i = 0; i < size_; ++i) triplets_.emplace_back(i, i, damping);
+    for (std::size_t i = 0; i < own.size(); ++i) {
+      addBlock(3 * static_cast<int>(i), 3 * static_cast<int>(i), own[i]);
+    }
     Sparse H(size_, size_);
     H.setFromTriplets(triplets_.begin(), triplets_.end());
+    triplets_ = {};  // the factor needs the memory
     if (!analysed_) solver_.analyzePattern(H);
     analysed_ = true;
     solver_.factorize(H);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace vestibule::mapping {
 namespace {
@@ -15,28 +16,37 @@ bool wallAround(const PatchMap& map, int ix, int iy) {
   return false;
 }
 
+/// Number of the lower left cell of `map` in the maps that it was drawn from.
+std::pair<int, int> firstCell(const grid::OccupancyMap& map) {
+  const Pose2 T_map_corner = compose(map.T_map_grid(), Pose2{map.corner().x, map.corner().y, 0.0});
+  return {
+      static_cast<int>(std::lround(T_map_corner.x / map.resolution())),
+      static_cast<int>(std::lround(T_map_corner.y / map.resolution()))};
+}
+
 }  // namespace
 
-SessionCells sessionCells(
-    const std::map<int, PatchMap>& session_maps, const grid::OccupancyMap& map) {
+std::vector<std::uint16_t> SessionCells::seenBy(const grid::OccupancyMap& map, int iy) const {
+  const auto [x0, y0] = firstCell(map);
+  std::vector<std::uint16_t> row(static_cast<std::size_t>(map.width()), 0);
+  for (const auto& [session, own] : maps) {
+    const auto bit = static_cast<unsigned>(std::min(session, kMaxSessions) - 1);
+    for (std::size_t ix = 0; ix < row.size(); ++ix) {
+      if (!own.cell(x0 + static_cast<int>(ix), y0 + iy).seen()) continue;
+      row[ix] = static_cast<std::uint16_t>(row[ix] | 1U << bit);
+    }
+  }
+  return row;
+}
+
+SessionCells sessionCells(std::map<int, PatchMap> session_maps, const grid::OccupancyMap& map) {
   SessionCells result;
   for (const auto& [session, unused] : session_maps) result.shares.push_back({session});
-  result.seen_by.reserve(
-      static_cast<std::size_t>(map.width()) * static_cast<std::size_t>(map.height()));
-  const Pose2 T_map_corner = compose(map.T_map_grid(), Pose2{map.corner().x, map.corner().y, 0.0});
-  const int x0 = static_cast<int>(std::lround(T_map_corner.x / map.resolution()));
-  const int y0 = static_cast<int>(std::lround(T_map_corner.y / map.resolution()));
+  const auto [x0, y0] = firstCell(map);
   for (int iy = y0; iy < y0 + map.height(); ++iy) {
     for (int ix = x0; ix < x0 + map.width(); ++ix) {
-      std::uint16_t seen_by = 0;
       std::size_t seers = 0;
-      for (const auto& [session, own] : session_maps) {
-        if (!own.cell(ix, iy).seen()) continue;
-        ++seers;
-        const int bit = std::min(session, SessionCells::kMaxSessions) - 1;
-        seen_by = static_cast<std::uint16_t>(seen_by | 1U << static_cast<unsigned>(bit));
-      }
-      result.seen_by.push_back(seen_by);
+      for (const auto& [session, own] : session_maps) seers += own.cell(ix, iy).seen() ? 1U : 0U;
       std::size_t k = 0;
       for (auto it = session_maps.begin(); it != session_maps.end(); ++it, ++k) {
         const PointCell cell = it->second.cell(ix, iy);
@@ -56,6 +66,7 @@ SessionCells sessionCells(
       }
     }
   }
+  result.maps = std::move(session_maps);
   return result;
 }
 

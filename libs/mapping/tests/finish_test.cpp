@@ -22,10 +22,10 @@ TEST(Contour, NormalsFaceTheLaser) {
   ASSERT_GT(contour.sampleCount(), 50U);
   int lines = 0;
   contour.forSamples([&](const ContourPoint& p) {
-    if (!p.on_line) return;
+    if (!p.onLine()) return;
     ++lines;
-    EXPECT_LT(p.nx * p.x + p.ny * p.y, 0.0F);
-    EXPECT_NEAR(std::hypot(p.nx, p.ny), 1.0, 1e-6);
+    EXPECT_LT(p.nx() * p.x + p.ny() * p.y, 0.0);
+    EXPECT_NEAR(std::hypot(p.nx(), p.ny()), 1.0, 5e-5);
   });
   EXPECT_GT(lines, 50);
 }

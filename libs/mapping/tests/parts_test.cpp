@@ -60,12 +60,20 @@ TEST(DrivePath, SpreadsWhatTheOdometryIsOffOverTheWay) {
   std::vector<ScanNode> nodes(6);
   for (std::size_t i = 0; i < 6; ++i) nodes[i].T_odom_base = {static_cast<double>(i), 0.0, 0.0};
   // GIVEN used scans 0 and 4, the second 0.4 m to the left of where the odometry puts it
-  spreadPath(nodes, {0, 4}, {{1.0, 1.0, 0.0}, {5.0, 1.4, 0.0}});
-  EXPECT_NEAR(nodes[0].T_map_base.y, 1.0, 1e-12);
-  EXPECT_NEAR(nodes[1].T_map_base.y, 1.1, 1e-6);
-  EXPECT_NEAR(nodes[3].T_map_base.y, 1.3, 1e-6);
-  EXPECT_NEAR(nodes[4].T_map_base.y, 1.4, 1e-12);
-  EXPECT_NEAR(nodes[5].T_map_base.x, 6.0, 1e-12);
+  const auto poses = spreadPath(nodes, {0, 4}, {{1.0, 1.0, 0.0}, {5.0, 1.4, 0.0}});
+  EXPECT_NEAR(poses[0].y, 1.0, 1e-12);
+  EXPECT_NEAR(poses[1].y, 1.1, 1e-6);
+  EXPECT_NEAR(poses[3].y, 1.3, 1e-6);
+  EXPECT_NEAR(poses[4].y, 1.4, 1e-12);
+  EXPECT_NEAR(poses[5].x, 6.0, 1e-12);
+}
+
+TEST(DrivePath, ARobotThatStandsWhileItsOdometryIsResetStandsStill) {
+  std::vector<ScanNode> nodes(6);
+  for (std::size_t i = 0; i < 4; ++i) nodes[i].T_odom_base = {20.0, -7.0, 2.0};
+  // GIVEN an odometry that starts from zero again between scans 3 and 4
+  const auto poses = spreadPath(nodes, {0, 4}, {{1.0, 1.0, 0.0}, {1.0, 1.0, 0.0}});
+  for (const Pose2& T : poses) EXPECT_NEAR(distance(T, {1.0, 1.0, 0.0}), 0.0, 2e-3);
 }
 
 TEST(DrivePath, LinksAreSureWhereScansShowItAndLooseWhereTheyContradict) {
@@ -169,7 +177,11 @@ TEST(MapQuality, EndPointsSpreadOverCellsMakeOneOfThemOccupied) {
 }
 
 /// What `sessions` scans from one place of the room make, each off by so much.
-SessionCells sessionsOff(const std::vector<double>& off_m, std::size_t& seen_cells) {
+struct Sessions {
+  SessionCells cells;
+  grid::OccupancyMap map;
+};
+Sessions sessionsOff(const std::vector<double>& off_m, std::size_t& seen_cells) {
   const Room room;
   std::map<int, PatchMap> maps;
   std::vector<ScanNode> all;
@@ -181,20 +193,22 @@ SessionCells sessionsOff(const std::vector<double>& off_m, std::size_t& seen_cel
   }
   const grid::OccupancyMap map = toOccupancyMap(mapOf(all, {}), 0.5);
   seen_cells = map.count(grid::Cell::kFree) + map.count(grid::Cell::kOccupied);
-  return sessionCells(maps, map);
+  return {sessionCells(std::move(maps), map), map};
 }
 
 TEST(Sessions, CellsKnowWhoSawThem) {
   std::size_t seen_cells = 0;
-  const SessionCells one = sessionsOff({0.0}, seen_cells);
+  const SessionCells one = sessionsOff({0.0}, seen_cells).cells;
   ASSERT_EQ(one.shares.size(), 1U);
   EXPECT_EQ(one.shares[0].cells_seen, seen_cells);
   EXPECT_EQ(one.shares[0].cells_alone, seen_cells);
   EXPECT_EQ(one.shares[0].walls_shared, 0U);
 
-  const SessionCells two = sessionsOff({0.0, 0.3}, seen_cells);
+  const auto [two, map] = sessionsOff({0.0, 0.3}, seen_cells);
   std::array<std::size_t, 4> cells{};
-  for (const std::uint16_t bits : two.seen_by) ++cells.at(bits);
+  for (int iy = 0; iy < map.height(); ++iy) {
+    for (const std::uint16_t bits : two.seenBy(map, iy)) ++cells.at(bits);
+  }
   EXPECT_EQ(cells[1] + cells[2] + cells[3], seen_cells);
   EXPECT_EQ(two.shares[0].cells_seen, cells[1] + cells[3]);
   EXPECT_EQ(two.shares[1].cells_seen, cells[2] + cells[3]);
@@ -207,7 +221,7 @@ TEST(Sessions, ASessionInAWrongPlaceStandsOut) {
   const auto share = [](const SessionShare& s) {
     return static_cast<double>(s.walls_contradicted) / static_cast<double>(s.walls_shared);
   };
-  const SessionCells cells = sessionsOff({0.0, 0.02, -0.4}, seen_cells);
+  const SessionCells cells = sessionsOff({0.0, 0.02, -0.4}, seen_cells).cells;
   EXPECT_LT(share(cells.shares[0]), 0.05);
   EXPECT_LT(share(cells.shares[1]), 0.05);
   EXPECT_GT(share(cells.shares[2]), 0.2);  // what a single scan of it shows: 0.29

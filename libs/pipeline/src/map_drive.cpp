@@ -5,7 +5,9 @@
 
 #include "drive_odometry.hpp"
 #include "map_journal.hpp"
+#include "vestibule/core/angles.hpp"
 #include "vestibule/core/errors.hpp"
+#include "vestibule/core/memory.hpp"
 #include "vestibule/core/params.hpp"
 #include "vestibule/core/random.hpp"
 #include "vestibule/geo/georeference.hpp"
@@ -20,6 +22,7 @@ namespace vestibule::pipeline {
 namespace {
 
 constexpr std::size_t kHeldOutScans = 200;
+constexpr double kMaxGeoreferenceSigma_rad = degToRad(15.0);
 
 /// Notes the stamps of the scans as they come from the file.
 class ScanOrder : public io::RecordingReader {
@@ -66,11 +69,11 @@ std::uint64_t identityOf(
   return derivedSeed(config.seed, text);
 }
 
-std::vector<mapping::ScanNode> nodesOf(const std::vector<io::MapFrame>& frames) {
-  std::vector<mapping::ScanNode> nodes;
-  nodes.reserve(frames.size());
-  for (const io::MapFrame& f : frames) nodes.push_back({f.scan, f.T_map_base, f.T_map_base});
-  return nodes;
+mapping::PatchMap mapOf(const std::vector<io::MapFrame>& frames, const Config& config) {
+  std::vector<mapping::PosedScan> scans;
+  scans.reserve(frames.size());
+  for (const io::MapFrame& f : frames) scans.push_back({&f.scan, f.T_map_base});
+  return mapping::mapOf(scans, config.mapping.filter.map);
 }
 
 /// Which sessions made which cell of a map.
@@ -80,16 +83,14 @@ mapping::SessionCells sessionsOf(
     const mapping::PatchMap& map,
     const grid::OccupancyMap& drawn,
     const Config& config) {
-  std::map<int, std::vector<mapping::ScanNode>> nodes;
-  for (const io::MapFrame& f : frames) {
-    nodes[f.session].push_back({f.scan, f.T_map_base, f.T_map_base});
-  }
+  std::map<int, std::vector<mapping::PosedScan>> scans;
+  for (const io::MapFrame& f : frames) scans[f.session].push_back({&f.scan, f.T_map_base});
   std::map<int, mapping::PatchMap> maps;
-  for (const auto& [session, some] : nodes) {
+  for (const auto& [session, some] : scans) {
     maps.emplace(
-        session, nodes.size() == 1 ? map : mapping::mapOf(some, config.mapping.filter.map));
+        session, scans.size() == 1 ? map : mapping::mapOf(some, config.mapping.filter.map));
   }
-  return mapping::sessionCells(maps, drawn);
+  return mapping::sessionCells(std::move(maps), drawn);
 }
 
 /// One drive on its way through the filter.
@@ -185,8 +186,7 @@ class Drive {
   /// Where the drive starts in the map of earlier ones.
   void begin(const LaserScan& scan) {
     if (options_.before.empty()) return;
-    const mapping::PatchMap map =
-        mapping::mapOf(nodesOf(options_.before), config_.mapping.filter.map);
+    const mapping::PatchMap map = mapOf(options_.before, config_);
     std::optional<Pose2> start = options_.T_map_base_init;
     if (!start) start = mapping::findInMap(map, scan, config_.mapping.filter.matcher);
     if (!start) {
@@ -216,13 +216,15 @@ class Drive {
 
   MapDriveResult result() {
     std::vector<std::size_t> used = usedScans();
-    mapping::spreadPath(nodes_, used, filter_->bestPath());
+    const auto poses_of_all = mapping::spreadPath(nodes_, used, filter_->bestPath());
+    for (std::size_t i = 0; i < nodes_.size(); ++i) nodes_[i].T_map_base = poses_of_all[i];
     std::vector<MapUpdate> updates;
     for (const mapping::Generation& g : filter_->generations()) {
       updates.push_back({nodes_[g.scan].scan.stamp, g.report});
     }
     const std::size_t patch_bytes = filter_->patchBytes();
     filter_.reset();  // what comes now needs the memory
+    giveBackFreedMemory();
     std::vector<mapping::PoseConstraint> graph;
     std::optional<mapping::FinishResult> finished;
     if (options_.finish) {
@@ -232,22 +234,26 @@ class Drive {
     } else {
       // A second session would move off the map that it extends.
       if (options_.before.empty()) smooth(used);
+      giveBackFreedMemory();
       graph = mapping::chainOf(nodes_, used, config_.mapping.finish);
     }
+    giveBackFreedMemory();
+    const std::vector<mapping::ScanNode> held_out = heldOut(used);
     std::vector<io::MapFrame> frames = options_.before;
     int session = 1;
     for (const io::MapFrame& f : frames) session = std::max(session, f.session + 1);
     std::vector<Pose2> poses;
     for (const std::size_t i : used) {
-      frames.push_back({nodes_[i].T_map_base, nodes_[i].scan, session});
+      frames.push_back({nodes_[i].T_map_base, std::move(nodes_[i].scan), session});
       poses.push_back(nodes_[i].T_map_base);
     }
+    for (mapping::ScanNode& node : nodes_) node.scan.ranges_m = {};  // only poses are needed now
     // Drawn anew: the particles' maps lack the free space that is far from the robot.
-    const mapping::PatchMap map = mapping::mapOf(nodesOf(frames), config_.mapping.filter.map);
+    const mapping::PatchMap map = mapOf(frames, config_);
     MapDriveResult r(mapping::toOccupancyMap(map, config_.mapping.known_poses.margin_m));
     r.trajectory = inFileOrder();
-    r.quality = mapping::judgeMap(
-        map, heldOut(used), options_.judge.value_or(config_.mapping.filter.matcher));
+    r.quality =
+        mapping::judgeMap(map, held_out, options_.judge.value_or(config_.mapping.filter.matcher));
     r.sessions = sessionsOf(frames, map, r.map, config_);
     r.graph_g2o = mapping::g2oOf(poses, graph);
     r.finished = std::move(finished);
@@ -348,6 +354,15 @@ class Drive {
           " GNSS fixes with latitude and longitude near scans, too few or on too short a way for a "
           "georeference; leave --georeference out");
     }
+    const double sigma_yaw_rad = std::sqrt(fit->T_map_grid.cov(2, 2));
+    if (!(sigma_yaw_rad < kMaxGeoreferenceSigma_rad)) {
+      throw InputError(
+          path_ + ": " + std::to_string(pairs.size()) +
+          " GNSS fixes near scans leave the map's heading open to +-" +
+          std::to_string(std::lround(radToDeg(sigma_yaw_rad))) +
+          " deg: too few good ones or on too short a way for a georeference; leave "
+          "--georeference out");
+    }
     r.georeference = io::MapGeoreference{plane->datum(), fit->T_map_grid.mean, fit->T_map_grid.cov};
     r.georeference_rms_m = fit->rms_m;
   }
@@ -382,7 +397,7 @@ MapDriveResult mapDrive(
 }
 
 FramesMap mapOfFrames(const std::vector<io::MapFrame>& frames, const Config& config) {
-  const mapping::PatchMap map = mapping::mapOf(nodesOf(frames), config.mapping.filter.map);
+  const mapping::PatchMap map = mapOf(frames, config);
   FramesMap result{mapping::toOccupancyMap(map, config.mapping.known_poses.margin_m), {}};
   result.sessions = sessionsOf(frames, map, result.map, config);
   return result;

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -43,9 +44,15 @@ void saveMapServer(
     const std::string& image_name = {},
     const std::optional<MapGeoreference>& georeference = {});
 
-/// Writes a layer of 16-bit numbers beside a map: a PGM of the map's size, row by row from the top.
-/// \param cells  row by row from the lower left, width * height of them
+/// Writes a layer of numbers beside a map: a PGM of the map's size.
+/// \param wide  16 bits per cell; otherwise all are below 256
+/// \param row   gives the cells of row iy, counted from the lowest, width of them
 /// Throws InputError when the file cannot be written.
-void saveLayer(const std::string& path, int width, const std::vector<std::uint16_t>& cells);
+void saveLayer(
+    const std::string& path,
+    int width,
+    int height,
+    bool wide,
+    const std::function<std::vector<std::uint16_t>(int iy)>& row);
 
 }  // namespace vestibule::io

@@ -25,14 +25,18 @@ struct SessionCells {
   static constexpr int kMaxSessions = 16;
 
   std::vector<SessionShare> shares;  ///< by session
-  /// Per cell of the map, row by row from the lower left: bit n - 1 is set where session n saw the
-  /// cell. Sessions from the 16th on share the last bit.
-  std::vector<std::uint16_t> seen_by;
+  std::map<int, PatchMap> maps;      ///< per session the map of its scans alone
+
+  /// Per cell of a row of the map of all their scans, from the left: bit n - 1 is set where session
+  /// n saw the cell. Sessions from the 16th on share the last bit.
+  [[nodiscard]] std::vector<std::uint16_t> seenBy(const grid::OccupancyMap& map, int iy) const;
+  /// Whether seenBy() needs more than 8 bits.
+  [[nodiscard]] bool wide() const { return !shares.empty() && shares.back().session > 8; }
 };
 
 /// \param session_maps  per session the map of its scans alone, in the frame of `map`
 /// \param map  of all their scans
 [[nodiscard]] SessionCells sessionCells(
-    const std::map<int, PatchMap>& session_maps, const grid::OccupancyMap& map);
+    std::map<int, PatchMap> session_maps, const grid::OccupancyMap& map);
 
 }  // namespace vestibule::mapping
