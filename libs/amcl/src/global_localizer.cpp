@@ -375,6 +375,19 @@ bool GlobalLocalizer::process(const LaserScan& scan) {
   return true;
 }
 
+void GlobalLocalizer::suggest(const Pose2& T_map_base) {
+  Impl& s = *impl_;
+  if (s.keys.empty()) return;
+  const bool known =
+      std::any_of(s.hypotheses.begin(), s.hypotheses.end(), [&](const Hypothesis& h) {
+        return same(s.here(h).mean, T_map_base);
+      });
+  if (known) return;
+  s.hypotheses.push_back(
+      s.judged(compose(T_map_base, between(s.T_odom_base, s.keys.back().T_odom_base))));
+  s.rank();
+}
+
 PlaceState GlobalLocalizer::state() const { return impl_->state(); }
 
 std::vector<Place> GlobalLocalizer::places() const {

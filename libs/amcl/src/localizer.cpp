@@ -18,6 +18,10 @@ constexpr double kSeedSigma_rad = degToRad(1.5);
 // A place found this near to the particles is theirs.
 constexpr double kSame_m = 0.3;
 constexpr double kSame_rad = degToRad(8.0);
+// In doubt, the particles are given up when their place has less than this of the weight.
+constexpr double kDoubted = 0.05;
+// But not before so many scans have been held against the map: one or two may be blocked.
+constexpr int kLooksInDoubt = 3;
 // A search is called off when the particles' place has more than this of the weight.
 constexpr double kStillThere = 0.98;
 // A scan with a smaller share of beams that end where the map knows something tells nothing.
@@ -34,10 +38,12 @@ struct Localizer::Impl {
   ParticleLocalizer particles;
   GlobalLocalizer global;
   const Observers* observers;
-  bool searching = false;
-  bool tracking = false;  // the particles have been started, and nothing said to forget them
+  bool looking = false;    // the search runs
+  bool searching = false;  // and the particles' place is no better than what it has found
+  bool tracking = false;   // the particles have been started, and nothing said to forget them
   std::optional<Pose2> T_map_fitting;  // last fitting pose, carried on by odometry
   double since_fitting_m = 0.0;
+  int looks = 0;    // scans that counted in this search
   int misfits = 0;  // used scans in a row that do not fit the particles' pose
   int fits = 0;     // and that do, while searching
   int recoveries = 0;
@@ -51,16 +57,18 @@ struct Localizer::Impl {
       : params(p), particles(p, map, seed, o), global(p.global, map), observers(o) {}
 
   void startTracking() {
+    looking = false;
     searching = false;
     tracking = true;
     misfits = 0;
     fits = 0;
   }
 
-  void startSearch(const std::optional<grid::PosePrior>& prior) {
+  void startLooking(const std::optional<grid::PosePrior>& prior) {
     searches_before += global.searches();
     global.start(prior);
-    searching = true;
+    looking = true;
+    looks = 0;
     fits = 0;
   }
 
@@ -107,15 +115,20 @@ struct Localizer::Impl {
       return;
     }
     fits = 0;
-    if (searching || ++misfits < params.recovery.after_scans) return;
+    if (looking || ++misfits < params.recovery.after_scans) return;
+    startLooking(lastPose());
+  }
+
+  /// The particles' place is given up for what the search has found.
+  void giveUp(const LaserScan& scan, double inlier_share) {
+    searching = true;
     ++recoveries;
-    startSearch(lastPose());
     if (observers == nullptr) return;
     WarningEvent event;
     event.stamp = scan.stamp;
     event.component = "amcl";
-    event.text = "the scans do not fit the map here: searching all of it";
-    event.value = report.inlier_share;
+    event.text = "the scans do not fit the map here, but elsewhere: searching all of it";
+    event.value = inlier_share;
     event.limit = params.lost_inlier_share;
     observers->emit(event);
   }
@@ -126,8 +139,10 @@ struct Localizer::Impl {
            std::abs(angleDiff(T_map_base.phi, T.phi)) < kSame_rad;
   }
 
-  void search(const LaserScan& scan) {
+  void search(const LaserScan& scan, const ScanReport& report) {
     const bool counted = global.process(scan);
+    looks += counted ? 1 : 0;
+    if (counted && tracking) global.suggest(particles.pose().mean);
     const std::vector<Place> places = global.places();
     if (counted && observers != nullptr) {
       PlacesEvent event;
@@ -137,11 +152,13 @@ struct Localizer::Impl {
       event.searches = global.searches();
       observers->emit(event);
     }
-    const bool tracked = tracking && fits >= params.recovery.after_scans;
-    const bool same = tracked && !places.empty() && isTracked(places.front().T_map_base.mean);
+    const bool fitted = tracking && fits >= params.recovery.after_scans;
+    const bool same =
+        (fitted || !searching) && !places.empty() && isTracked(places.front().T_map_base.mean);
     if (global.state() == PlaceState::kSure) {
       const PoseWithCovariance& found = places.front().T_map_base;
       if (!same) {
+        if (!searching) giveUp(scan, report.inlier_share);
         PoseWithCovariance seed = found;
         seed.cov += Eigen::Vector3d(
                         kSeedSigma_m * kSeedSigma_m,
@@ -157,7 +174,23 @@ struct Localizer::Impl {
       // What had hidden the map is gone, and the particles are still where they were right; in an
       // equal room they would fit as well, but would not be the likeliest place.
       startTracking();
+    } else if (!searching) {
+      // Scans that do not fit are no reason to give up a place when they fit no better elsewhere:
+      // the surroundings have changed.
+      if (fitted) {
+        startTracking();
+      } else if (looks >= kLooksInDoubt && weightOfTracked(places) < kDoubted) {
+        giveUp(scan, report.inlier_share);
+      }
     }
+  }
+
+  [[nodiscard]] double weightOfTracked(const std::vector<Place>& places) const {
+    double weight = 0.0;
+    for (const Place& place : places) {
+      if (isTracked(place.T_map_base.mean)) weight += place.weight;
+    }
+    return weight;
   }
 };
 
@@ -181,13 +214,14 @@ void Localizer::startAnywhere(const std::optional<grid::PosePrior>& prior) {
   impl_->T_map_fitting.reset();
   impl_->tracking = false;
   impl_->misfits = 0;
-  impl_->startSearch(prior);
+  impl_->startLooking(prior);
+  impl_->searching = true;
 }
 
 void Localizer::process(const WheelOdometry& odometry, YawSource yaw_source) {
   Impl& s = *impl_;
   if (s.tracking) s.particles.process(odometry, yaw_source);
-  if (s.searching) s.global.process(odometry);
+  if (s.looking) s.global.process(odometry);
   if (!isFinite(odometry.T_previous_now)) return;  // the others have said so
   if (s.T_map_fitting) s.T_map_fitting = compose(*s.T_map_fitting, odometry.T_previous_now);
   s.since_fitting_m += translationNorm(odometry.T_previous_now);
@@ -200,8 +234,8 @@ ScanReport Localizer::process(const LaserScan& scan) {
     report = s.particles.process(scan);
     s.watch(scan, report);
   }
-  if (!s.searching) return report;
-  s.search(scan);
+  if (!s.looking) return report;
+  s.search(scan, report);
   report.T_map_base = pose();
   if (!s.searching) return report;
   report.trusted = false;

@@ -284,11 +284,14 @@ struct ParticleLocalizer::Impl {
     p_map_unmapped.clear();
     for (const Point2& p_base_end : looked_at) {
       const Point2 end = T_grid_base(p_base_end);
-      if (field.atGrid(end, kFar_m) > params.beam_skipping.distance_m) {
+      const double d_m = field.atGrid(end, kFar_m);
+      if (d_m > params.beam_skipping.distance_m) {
         p_map_unmapped.push_back(transform(map->T_map_grid(), end));
       }
       if (map->atGrid(end) == grid::Cell::kUnknown) ++off_map;
-      if (field.blocked(laser, end, kBlockedMargin_m)) ++blocked;
+      // A beam that ends on an obstacle behind another one has clipped a corner, or a thick wall.
+      const bool fits = d_m < params.inlier_distance_m;
+      if (!fits && field.blocked(laser, end, kBlockedMargin_m)) ++blocked;
     }
     const double n = std::max<double>(1.0, static_cast<double>(looked_at.size()));
     evidence.inlier_share = report.inlier_share;

@@ -307,6 +307,40 @@ TEST(Localizer, IsNotLostWhereNobodyHasMapped) {
   EXPECT_THAT(localizer.pose().mean, poseNear(robot.truth(), 0.1, 0.03));
 }
 
+TEST(Localizer, KeepsItsPlaceInAClutteredRoomWhileNoOtherFitsBetter) {
+  // GIVEN a room full of posts that the map does not know
+  const auto map = fourRooms();
+  std::vector<grid::Cell> cells;
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const bool on_the_way = x > 46 && x < 74;
+      const bool post = x < 116 && y < 116 && x % 14 < 4 && y % 14 < 4 && !on_the_way;
+      cells.push_back(post ? grid::Cell::kOccupied : map->cell(x, y));
+    }
+  }
+  const auto cluttered = std::make_shared<const grid::OccupancyMap>(grid::OccupancyMap::fromCells(
+      kWidth, kHeight, kResolution, {0, 0}, cells, map->T_map_grid()));
+  Robot robot(cluttered, {9.0, 8.0, kPi});
+  AmclParams params;
+  params.global = oneThread();
+  Localizer localizer(params, map, 1);
+  localizer.startAt({robot.truth(), Eigen::Vector3d(0.02, 0.02, 0.004).asDiagonal()});
+  // WHEN the robot drives into it and stands there
+  robot.goTo({3.0, 7.2}, localizer);
+  robot.goTo({3.0, 2.0}, localizer);
+  double worst_inlier_share = 1.0;
+  for (int second = 0; second < 20; ++second) {
+    robot.t_s += 1.0;
+    worst_inlier_share = std::min(worst_inlier_share, localizer.process(robot.scan()).inlier_share);
+  }
+  // THEN the scans fit badly, and it is where it was all the same
+  EXPECT_LT(worst_inlier_share, params.lost_inlier_share);
+  EXPECT_GE(localizer.searches(), 1) << "it has looked elsewhere";
+  EXPECT_EQ(localizer.recoveries(), 0);
+  EXPECT_EQ(localizer.state(), PlaceState::kSure);
+  EXPECT_THAT(localizer.pose().mean, poseNear(robot.truth(), 0.2, 0.05));
+}
+
 TEST(Localizer, StartsAnywhereAndMeansItsPoseOnlyWhenSure) {
   Robot robot(fourRooms(), {8.0, 2.5, 1.0});
   AmclParams params;

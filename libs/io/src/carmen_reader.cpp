@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -14,6 +15,10 @@ constexpr std::size_t kMountProbeLines = 20;
 constexpr double kMountTolerance_m = 0.02;
 constexpr double kMountTolerance_rad = 0.01;
 constexpr double kMountLimit_m = 1.0;
+// A scan line is written so much after its scan at most.
+constexpr double kLongestDelay_s = 1.0;
+constexpr double kOnPath_m = 0.001;
+constexpr double kOnPath_rad = 0.001;
 
 constexpr std::array<std::string_view, 22> kKeywords{
     "PARAM",     "SYNC",      "ODOM",      "FLASER",      "RLASER",      "LASER3",
@@ -172,6 +177,27 @@ Line parseWeanLaser(const Fields& f, std::size_t words) {
   return line;
 }
 
+struct PathPoint {
+  std::size_t line_number;
+  Timestamp stamp;
+  Pose2 T_odom_base;
+};
+
+/// When a pose was passed on the straight way between two odometry lines; empty if it is not on it.
+std::optional<Timestamp> passedAt(const Pose2& T, const PathPoint& from, const PathPoint& to) {
+  const Eigen::Vector3d way(
+      to.T_odom_base.x - from.T_odom_base.x,
+      to.T_odom_base.y - from.T_odom_base.y,
+      angleDiff(to.T_odom_base.phi, from.T_odom_base.phi));
+  const Eigen::Vector3d reached(
+      T.x - from.T_odom_base.x, T.y - from.T_odom_base.y, angleDiff(T.phi, from.T_odom_base.phi));
+  const double share = way.squaredNorm() > 0.0 ? way.dot(reached) / way.squaredNorm() : 1.0;
+  const Eigen::Vector3d off = reached - std::clamp(share, 0.0, 1.0) * way;
+  if (off.head<2>().norm() > kOnPath_m || std::abs(off.z()) > kOnPath_rad) return std::nullopt;
+  return from.stamp +
+         durationFromSeconds(std::clamp(share, 0.0, 1.0) * intervalSeconds(from.stamp, to.stamp));
+}
+
 class CarmenReader : public RecordingReader {
  public:
   CarmenReader(std::unique_ptr<ByteStream> stream, const RecordingOptions& options)
@@ -183,6 +209,10 @@ class CarmenReader : public RecordingReader {
     while (queue_.empty()) {
       auto line = nextLine();
       if (!line) {
+        if (!ahead_.empty()) {
+          handOut(ahead_.size());
+          continue;
+        }
         if (!any_) {
           throw InputError(
               lines_.name() + ":" + std::to_string(lines_.lineNumber()) +
@@ -191,7 +221,12 @@ class CarmenReader : public RecordingReader {
         return std::nullopt;
       }
       any_ = true;
-      push(*line);
+      if (keyword_ == "O") {
+        hold(*line);
+      } else {
+        if (keyword_ == "L") date(*line);
+        push(*line);
+      }
     }
     Record record = std::move(queue_.front());
     queue_.pop_front();
@@ -226,6 +261,40 @@ class CarmenReader : public RecordingReader {
       notes_.add(quoted(keyword_) + " lines ignored", lines_.lineNumber());
     }
     return std::nullopt;
+  }
+
+  /// The robot pose of an L line is the odometry at the time of the scan, between O lines before
+  /// it; its stamp is when it was written. O lines wait for the scans that were taken before them.
+  void hold(const Line& line) {
+    ahead_.push_back({lines_.lineNumber(), line.stamp, line.T_odom_base});
+    std::size_t too_old = 0;
+    while (toSeconds(line.stamp - ahead_[too_old].stamp) > kLongestDelay_s) ++too_old;
+    handOut(too_old);
+  }
+
+  void handOut(std::size_t count) {
+    for (; count > 0; --count) {
+      last_ = ahead_.front();
+      ahead_.pop_front();
+      if (auto increment = odometry_.next(last_->stamp, last_->T_odom_base)) {
+        queue_.push_back({last_->line_number, "O", *increment});
+      }
+    }
+  }
+
+  /// Gives a scan the time at which the odometry was where it was taken.
+  void date(Line& line) {
+    std::size_t before = ahead_.size();  // O lines before the scan
+    for (std::size_t k = ahead_.size(); k-- > 0;) {
+      if (k == 0 && !last_) break;
+      const auto passed = passedAt(line.T_odom_base, k > 0 ? ahead_[k - 1] : *last_, ahead_[k]);
+      if (!passed) continue;
+      before = k;
+      line.stamp = *passed;
+      break;
+    }
+    handOut(before);
+    last_ = PathPoint{lines_.lineNumber(), line.stamp, line.T_odom_base};
   }
 
   void push(Line& line) {
@@ -282,6 +351,8 @@ class CarmenReader : public RecordingReader {
   std::string keyword_;
   OdometryDifferencer odometry_;
   std::deque<Record> queue_;
+  std::deque<PathPoint> ahead_;    // O lines not handed out yet
+  std::optional<PathPoint> last_;  // handed out, of O and L lines
   Notes notes_;
   bool mount_from_log_ = false;
   bool any_ = false;

@@ -87,6 +87,39 @@ TEST(Carmen, ReadsCentimetreLogs) {
       poseNear(Pose2{0.1, 0.0, 0.0}, 1e-9, 1e-9));
 }
 
+TEST(Carmen, ScansOfCentimetreLogsAreAsOldAsTheirOdometry) {
+  // GIVEN scans written after odometry that the robot reached after they were taken
+  const std::string path = writeFile(
+      testFolder() / "wean.log",
+      "O 0 0 0 1.0\nO 10 0 0 1.1\nL 5 0 0 30 0 0 100 200 1.12\nO 20 0 0 1.2\nO 30 0 0 1.3\n"
+      "L 20 0 0 45 0 0 100 200 1.31\nO 40 0 0 1.4\nL 50 0 0 75 0 0 100 200 1.45\nO 60 0 0 1.5\n");
+  // WHEN it is read
+  double x_m = 0.0;
+  std::vector<std::pair<double, double>> scans;  // where and when
+  Timestamp last{0};
+  for (const Record& record : readAll(path)) {
+    if (const auto* odometry = std::get_if<WheelOdometry>(&record.measurement)) {
+      EXPECT_GE(odometry->T_previous_now.x, 0.0) << "the robot did not drive back";
+      EXPECT_GE(odometry->stamp, last);
+      last = odometry->stamp;
+      x_m += odometry->T_previous_now.x;
+    } else {
+      const auto& scan = std::get<LaserScan>(record.measurement);
+      EXPECT_EQ(scan.stamp, last) << "the odometry is that of the scan";
+      scans.emplace_back(x_m, toSeconds(scan.stamp - Timestamp{0}));
+    }
+  }
+  // THEN scans come where their odometry was, and all of the way is there
+  ASSERT_EQ(scans.size(), 3U);
+  EXPECT_NEAR(scans[0].first, 0.05, 1e-9);
+  EXPECT_NEAR(scans[0].second, 1.05, 1e-6);
+  EXPECT_NEAR(scans[1].first, 0.20, 1e-9);
+  EXPECT_NEAR(scans[1].second, 1.20, 1e-6);
+  EXPECT_NEAR(scans[2].first, 0.50, 1e-9) << "odometry of its own: the robot has got farther";
+  EXPECT_NEAR(scans[2].second, 1.45, 1e-6);
+  EXPECT_NEAR(x_m, 0.60, 1e-9);
+}
+
 TEST(Carmen, TwoEqualPosesLeaveTheMountToTheRig) {
   RecordingOptions options;
   options.rig.T_base_laser = {0.3, 0.0, 0.0};

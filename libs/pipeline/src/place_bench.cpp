@@ -445,10 +445,13 @@ LostTrial kidnapFrom(
   const Beginning beginning{robot.time(), robot.driven()};
   const int searches_before = localizer.searches();
   bool was_searching = localizer.searching();
+  int recoveries_before = localizer.recoveries();
   for (int n = 1; n < kMaxTicks && robot.driven() - beginning.driven_m < kAllowed_m; ++n) {
     tick(n);
-    const bool claims_again = was_searching && !localizer.searching();
+    const bool claims_again =
+        (was_searching || localizer.recoveries() > recoveries_before) && !localizer.searching();
     was_searching = localizer.searching();
+    recoveries_before = localizer.recoveries();
     if (!claims_again) continue;
     conclude(trial, robot, beginning, localizer.pose().mean);
     trial.searches = localizer.searches() - searches_before;

@@ -51,6 +51,9 @@ class GlobalLocalizer {
   /// \return true if the scan counted (the first, then after enough motion)
   bool process(const LaserScan& scan);
 
+  /// Holds the scans that counted against a place, whether or not a search has found it.
+  void suggest(const Pose2& T_map_base);
+
   [[nodiscard]] PlaceState state() const;
   /// Best first, at the present odometry.
   [[nodiscard]] std::vector<Place> places() const;

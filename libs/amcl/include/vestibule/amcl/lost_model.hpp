@@ -5,7 +5,7 @@ namespace vestibule::amcl {
 /// What a scan says about whether the localizer is where it believes to be.
 struct LostEvidence {
   double inlier_share = 0.0;       ///< beams ending near a mapped obstacle, [0, 1]
-  double blocked_share = 0.0;      ///< beams that pass through a mapped obstacle before their end
+  double blocked_share = 0.0;      ///< beams that pass through a mapped obstacle and end on none
   double slow_inlier_share = 0.0;  ///< the same two over a longer time
   double slow_blocked_share = 0.0;
   double off_map_share = 0.0;    ///< beams ending in cells nobody has seen, or beyond the map

@@ -38,8 +38,9 @@ struct LikelihoodField {
   double max_range_m = 30.0;    ///< longer beams are not used
   int max_beams = 90;           ///< end points used, spread along the contour
   double min_spacing_m = 0.08;  ///< at least this far apart
-  /// Beams are not independent: the log-likelihood is scaled to this many (tempering).
-  double effective_beams = 18.0;
+  /// Beams are not independent, nor are scans a few centimetres apart: the log-likelihood is scaled
+  /// to this many (tempering).
+  double effective_beams = 9.0;
 };
 
 /// Beams that hit things which are not in the map (people, boxes) are left out of weighing, once
