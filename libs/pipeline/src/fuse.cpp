@@ -50,6 +50,20 @@ Log readLog(
   return log;
 }
 
+/// With the stamps of some sensor set back, in their order again.
+template <class IsIt>
+std::vector<Measurement> earlier(
+    std::vector<Measurement> measurements, double by_s, const IsIt& is_it) {
+  for (Measurement& m : measurements) {
+    if (!is_it(m)) continue;
+    std::visit([&](auto& x) { x.stamp = x.stamp - durationFromSeconds(by_s); }, m);
+  }
+  std::stable_sort(measurements.begin(), measurements.end(), [](const auto& a, const auto& b) {
+    return stampOf(a) < stampOf(b);
+  });
+  return measurements;
+}
+
 /// The configured datum, or the mean of the fixes of the first seconds with any. Empty for local
 /// metres.
 std::optional<Datum> datumOf(const Log& log, const DatumParams& params) {
@@ -292,7 +306,13 @@ FuseResult fuse(
     const FuseOptions& options,
     const Observers& observers,
     const Progress& progress) {
-  const Log log = readLog(recording_path, recording_options, progress);
+  Log log = readLog(recording_path, recording_options, progress);
+  if (options.gnss_late_s != 0.0) {
+    log.measurements =
+        earlier(std::move(log.measurements), options.gnss_late_s, [](const Measurement& m) {
+          return std::holds_alternative<GnssFix>(m);
+        });
+  }
   return std::move(Fusion(config, options, log, observers).result);
 }
 
@@ -351,18 +371,10 @@ double misfit(
     const std::optional<geo::TangentPlane>& plane,
     const std::string& sensor,
     double offset_s) {
-  std::vector<Measurement> shifted;
-  for (Measurement m : log.measurements) {
-    const bool is_it = sensor == "gnss"      ? std::holds_alternative<GnssFix>(m)
-                       : sensor == "heading" ? std::holds_alternative<Heading>(m)
-                                             : std::holds_alternative<WheelOdometry>(m);
-    if (is_it) {
-      std::visit([&](auto& x) { x.stamp = x.stamp - durationFromSeconds(offset_s); }, m);
-    }
-    shifted.push_back(std::move(m));
-  }
-  std::stable_sort(shifted.begin(), shifted.end(), [](const auto& a, const auto& b) {
-    return stampOf(a) < stampOf(b);
+  const std::vector<Measurement> shifted = earlier(log.measurements, offset_s, [&](const auto& m) {
+    return sensor == "gnss"      ? std::holds_alternative<GnssFix>(m)
+           : sensor == "heading" ? std::holds_alternative<Heading>(m)
+                                 : std::holds_alternative<WheelOdometry>(m);
   });
   ekf::MapFilter filter(config.ekf, config.rig);
   double sum = 0.0;

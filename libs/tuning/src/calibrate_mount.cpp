@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 
+#include "calibrate_antenna.hpp"
 #include "filter_replay.hpp"
 #include "least_squares.hpp"
 #include "vestibule/core/angles.hpp"
@@ -166,8 +167,8 @@ double rms(const std::vector<double>& r) {
   return r.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(r.size()));
 }
 
-/// Lever arm and how late the fixes are, together: a late fix of a robot that drives forward looks
-/// like an antenna further back.
+}  // namespace
+
 void calibrateAntenna(const FilterLog& log, const pipeline::Config& config, Calibration& result) {
   const Point2 before = config.rig.p_base_antenna;
   const metrics::Trajectory odometry = odometryOf(log, config);
@@ -211,10 +212,12 @@ void calibrateAntenna(const FilterLog& log, const pipeline::Config& config, Cali
     if (stretches.empty() || q.sigma > limit) q.unobserved = turns;
     result.quantities.push_back(q);
   };
-  add("antenna x", "m", before.x, kArmX, kArmSigma_m);
-  add("antenna y", "m", before.y, kArmY, kArmSigma_m);
-  add("gnss stamps late by", "s", 0.0, kDelay, kDelaySigma_s);
+  add(kAntennaX, "m", before.x, kArmX, kArmSigma_m);
+  add(kAntennaY, "m", before.y, kArmY, kArmSigma_m);
+  add(kGnssLate, "s", 0.0, kDelay, kDelaySigma_s);
 }
+
+namespace {
 
 // --- IMU -----------------------------------------------------------------------------------------
 
@@ -412,10 +415,7 @@ Calibration calibrateMount(
   if (sensors.gnss) {
     calibrateAntenna(makeFilterLog(sensors.measurements), config, result);
   } else {
-    unobservable(
-        result,
-        {"antenna x", "antenna y", "gnss stamps late by"},
-        "no GNSS fixes in the recording");
+    unobservable(result, {kAntennaX, kAntennaY, kGnssLate}, "no GNSS fixes in the recording");
   }
   if (sensors.imu) {
     calibrateImu(sensors.measurements, config, result);

@@ -1,7 +1,9 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
+#include "calibrate_antenna.hpp"
 #include "drive_list.hpp"
 #include "least_squares.hpp"
 #include "vestibule/core/angles.hpp"
@@ -230,7 +232,8 @@ OdometryCalibration calibrateOdometry(
     const std::vector<WheelOdometry>& odometry,
     const metrics::Trajectory& reference,
     bool has_position,
-    double track_m) {
+    double track_m,
+    double turn_scale_sigma) {
   const std::vector<Segment> segments = segmentsOf(odometry, reference);
   if (segments.size() < kFewestSegments) {
     throw InputError(
@@ -302,7 +305,15 @@ OdometryCalibration calibrateOdometry(
                        const Eigen::VectorXd& gradient,
                        double limit,
                        const std::string& drive) {
-    Quantity q{name, unit, was, value, std::sqrt(gradient.dot(fit.cov * gradient)), ""};
+    const bool distance = unit == "m" && name != "ICR ahead of base";
+    const double by_turns = distance ? turn_scale_sigma * value : 0.0;
+    Quantity q{
+        name,
+        unit,
+        was,
+        value,
+        std::hypot(std::sqrt(gradient.dot(fit.cov * gradient)), by_turns),
+        ""};
     const bool position = name != "effective track";
     if (position && !has_position) {
       q.unobserved = "no position to compare with: give --ref, or a recording with GNSS";
@@ -340,6 +351,40 @@ OdometryCalibration calibrateOdometry(
   return result;
 }
 
+namespace {
+
+/// Lever arm and delay as the drive shows them. \return what was found, in words
+std::string correctAntenna(
+    std::vector<Measurement> measurements, pipeline::Config& config, pipeline::FuseOptions& fuse) {
+  Calibration antenna;
+  const bool gnss = std::any_of(measurements.begin(), measurements.end(), [](const auto& m) {
+    return std::holds_alternative<GnssFix>(m);
+  });
+  if (gnss) calibrateAntenna(makeFilterLog(std::move(measurements)), config, antenna);
+  const auto found = [&antenna](const char* name) {
+    const Quantity* q = antenna.find(name);
+    return q != nullptr && q->unobserved.empty() ? q : nullptr;
+  };
+  const Quantity* x = found(kAntennaX);
+  const Quantity* y = found(kAntennaY);
+  const Quantity* late = found(kGnssLate);
+  // Together or not at all: each stands in for a part of the others.
+  if (x == nullptr || y == nullptr || late == nullptr) return "";
+  config.rig.p_base_antenna = {x->value, y->value};
+  fuse.gnss_late_s = late->value;
+  char text[96];
+  std::snprintf(
+      text,
+      sizeof text,
+      " (antenna at %.2f, %.2f m, fixes late by %.3f s)",
+      x->value,
+      y->value,
+      late->value);
+  return text;
+}
+
+}  // namespace
+
 OdometryData readOdometry(
     const std::string& log,
     const std::string& ref_path,
@@ -348,9 +393,11 @@ OdometryData readOdometry(
     const pipeline::Progress& progress) {
   OdometryData data;
   const auto reader = io::openRecording(log, options);
+  std::vector<Measurement> measurements;
   pipeline::forEachInStampOrder(
       *reader,
-      [&data](const Measurement& m) {
+      [&](const Measurement& m) {
+        if (!std::holds_alternative<LaserScan>(m)) measurements.push_back(m);
         const auto* wheels = std::get_if<WheelOdometry>(&m);
         if (wheels == nullptr) return;
         if (!data.odometry.empty() && wheels->stamp <= data.odometry.back().stamp) return;
@@ -371,13 +418,16 @@ OdometryData readOdometry(
   for (const io::StampedPose& p : poses) data.reference.push_back({p.stamp, toPose2(p.T)});
   data.has_position = !data.reference.empty();
   if (data.has_position) return data;
+  data.turn_scale_sigma = config.ekf.gyro.scale_sigma;
+  pipeline::Config corrected = config;
   pipeline::FuseOptions smooth;
   smooth.smooth = true;
+  const std::string known = correctAntenna(std::move(measurements), corrected, smooth);
   const pipeline::FuseResult fused =
-      pipeline::fuse(log, options, config, smooth, Observers{}, progress);
+      pipeline::fuse(log, options, corrected, smooth, Observers{}, progress);
   data.reference = fused.trajectory;
   data.has_position = fused.ready_after_s.has_value();
-  data.reference_name = data.has_position ? "the smoothed path of GNSS, gyro and wheels"
+  data.reference_name = data.has_position ? "the smoothed path of GNSS, gyro and wheels" + known
                                           : "the gyro (no GNSS: turns only)";
   return data;
 }

@@ -166,11 +166,12 @@ TEST(Calibrate, ASimulatedDriveGivesItsRobotBack) {
   io::RecordingOptions options;
   const auto quiet = [](double, double) {};
   OdometryData data = readOdometry(log, "", options, config, quiet);
-  const OdometryCalibration by_gnss =
-      calibrateOdometry(data.odometry, data.reference, data.has_position, 0.75);
+  const OdometryCalibration by_gnss = calibrateOdometry(
+      data.odometry, data.reference, data.has_position, 0.75, data.turn_scale_sigma);
   const OdometryCalibration by_truth = calibrateOdometry(data.odometry, truth, true, 0.75);
   for (const OdometryCalibration* c : {&by_gnss, &by_truth}) {
     EXPECT_NEAR(c->find("effective track")->value, 1.125, 0.02 * 1.125);
+    EXPECT_NEAR(c->find("effective track")->value, 1.125, 3.0 * c->find("effective track")->sigma);
     EXPECT_NEAR(c->wheels.scale_left, 1.0 / 1.03, 0.02);
     EXPECT_NEAR(c->wheels.scale_right, 1.0 / 1.03, 0.02);
   }

@@ -59,7 +59,8 @@ struct FuseResult {
 };
 
 struct FuseOptions {
-  bool smooth = false;  ///< every pose from the whole recording
+  bool smooth = false;       ///< every pose from the whole recording
+  double gnss_late_s = 0.0;  ///< taken off the stamps of the fixes
 };
 
 /// The GNSS/IMU/wheel filter over a recording. Odometry from before position and heading were known

@@ -80,18 +80,24 @@ struct OdometryCalibration : Calibration {
 /// Fits the wheels to a reference over segments of a few seconds.
 /// \param reference  T_map_base; gaps are left out
 /// \param has_position  false when the reference knows turns only
+/// \param turn_scale_sigma  share by which all turns of the reference may be off, as by a gyro's
+///                          scale: what is learnt of the wheels' distance is off by it as well
 [[nodiscard]] OdometryCalibration calibrateOdometry(
     const std::vector<WheelOdometry>& odometry,
     const metrics::Trajectory& reference,
     bool has_position,
-    double track_m);
+    double track_m,
+    double turn_scale_sigma = 0.0);
 
 /// The wheel messages of a recording, and what there is to compare with: `ref_path` (TUM), else the
-/// recording's own reference, else the smoothed GNSS/IMU/wheel path.
+/// recording's own reference, else the smoothed GNSS/IMU/wheel path. Before that is made, the
+/// antenna's lever arm and the delay of the fixes are calibrated where the drive shows them: either
+/// bends the path where the robot turns.
 struct OdometryData {
   std::vector<WheelOdometry> odometry;
   metrics::Trajectory reference;
   bool has_position = false;
+  double turn_scale_sigma = 0.0;  ///< see calibrateOdometry
   std::string reference_name;
 };
 [[nodiscard]] OdometryData readOdometry(
