@@ -71,7 +71,7 @@ struct HeadingParams {
   /// sigma); a sensor that does not agree has an unknown offset.
   double offset_sigma_rad = degToRad(10.0);
   /// [rad/sqrt(rad)] what turning does to it: iron on the robot. Calibrated ones have none.
-  double turn_offset_rad_sqrt_rad = degToRad(10.0);
+  double turn_offset_rad_sqrt_rad = degToRad(5.0);
   double calibrated_offset_time_s = 2000.0;  ///< [s] how long what a calibration leaves of it stays
   double disturbance_sigma_rad =
       degToRad(12.0);                     ///< [rad] passing deviation (steel, tilt), at first
