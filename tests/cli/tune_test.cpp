@@ -101,7 +101,8 @@ TEST_F(Tune, ASuiteGivesTheSameWithThreadsAndRanks) {
           "seeds: {count: 2}\n");
   const CommandResult threads = run({"bench", "suite", suite, "--out", path("threads")});
   ASSERT_EQ(threads.exit_code, 0) << threads.err;
-  std::vector<std::string> command{"mpirun", "--allow-run-as-root", "--oversubscribe", "-n", "2"};
+  std::vector<std::string> command{
+      "/usr/bin/env", "mpirun", "--allow-run-as-root", "--oversubscribe", "-n", "2"};
   for (const std::string& word : commandLine({"bench", "suite", suite, "--out", path("ranks")})) {
     command.push_back(word);
   }
