@@ -127,7 +127,11 @@ TEST_F(MapDrive, KilledAndResumedItGivesTheSame) {
 
 TEST_F(MapDrive, ResumeRefusesTheJournalOfAnotherRun) {
   ChildProcess process(commandLine({"map", path("raw.log"), "--out", path("out")}), folder_.path());
-  while (process.running() && !fs::exists(path("out/map.journal"))) {
+  // Until it says which run it is of.
+  std::error_code absent;
+  while (process.running() &&
+         (!fs::exists(path("out/map.journal")) ||
+          fs::file_size(path("out/map.journal"), absent) == 0)) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   process.sendSignal(SIGKILL);
