@@ -129,9 +129,8 @@ TEST_F(MapDrive, ResumeRefusesTheJournalOfAnotherRun) {
   ChildProcess process(commandLine({"map", path("raw.log"), "--out", path("out")}), folder_.path());
   // Until it says which run it is of.
   std::error_code absent;
-  while (process.running() &&
-         (!fs::exists(path("out/map.journal")) ||
-          fs::file_size(path("out/map.journal"), absent) == 0)) {
+  while (process.running() && (!fs::exists(path("out/map.journal")) ||
+                               fs::file_size(path("out/map.journal"), absent) == 0)) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   process.sendSignal(SIGKILL);
