@@ -36,6 +36,12 @@ io::RecordingOptions recordingOptions(const Arguments& args, const pipeline::Con
   return options;
 }
 
+bool allObserved(const Calibration& c) {
+  return std::all_of(c.quantities.begin(), c.quantities.end(), [](const Quantity& q) {
+    return q.unobserved.empty();
+  });
+}
+
 /// Into summary, tables and on the terminal: what was found, and what was not and why.
 void report(
     const Calibration& c, RunOutput& output, gui_headless::ReportSection& section, int& exit_code) {
@@ -176,10 +182,7 @@ void calibrateOdometry(const Arguments& args, int& exit_code) {
   exit_code = kDone;
   report(c, output, section, exit_code);
   quickTable(c, section, output.summary());
-  const bool whole = std::all_of(c.quantities.begin(), c.quantities.end(), [](const Quantity& q) {
-    return q.unobserved.empty();
-  });
-  if (whole) umbmarkTable(c, section, output.summary());
+  if (allObserved(c)) umbmarkTable(c, section, output.summary());
   section.pictures.push_back(
       {"odometry as recorded (line), reference (dashed)", pathPicture(c.before, c.reference)});
   section.pictures.push_back(
@@ -257,10 +260,7 @@ void calibrateCompass(const Arguments& args, int& exit_code) {
   section.title = "Compass against " + data.reference_name;
   exit_code = kDone;
   report(c, output, section, exit_code);
-  const bool whole = std::all_of(c.quantities.begin(), c.quantities.end(), [](const Quantity& q) {
-    return q.unobserved.empty();
-  });
-  if (whole) {
+  if (allObserved(c)) {
     output.text("calibrated.yaml", compassYaml(c));
   } else {
     exit_code = kFailedPurpose;

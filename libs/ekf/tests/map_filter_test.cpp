@@ -3,6 +3,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 #include "vestibule/core/angles.hpp"
@@ -340,6 +341,78 @@ TEST(MapFilter, GivesTheSameWithAndWithoutObservers) {
   alone.run(100);
   EXPECT_EQ(counter.updates, 200);
   EXPECT_EQ(watched.filter.pose().mean, alone.filter.pose().mean);
+}
+
+void readCompass(MapFilter& filter, Timestamp stamp, double error_rad) {
+  Heading heading;
+  heading.stamp = stamp;
+  heading.yaw_rad = error_rad;
+  heading.sigma_rad = degToRad(2.0);
+  heading.offset_sigma_rad = degToRad(2.0);
+  (void)filter.process(heading);
+}
+
+/// A robot at 1 m/s to the east, messages at 10 Hz; every second a calibrated compass, off by
+/// `compass_error_rad`, and a fix. \return the report of the last fix
+UpdateReport driveEast(
+    MapFilter& filter,
+    int from_s,
+    int to_s,
+    const std::function<Eigen::Vector2d(double)>& fix_at,
+    double compass_error_rad = 0.0) {
+  UpdateReport report;
+  for (int i = 10 * from_s + 1; i <= 10 * to_s; ++i) {
+    const Timestamp now = Timestamp{0} + milliseconds(100) * i;
+    Imu imu;
+    imu.stamp = now;
+    imu.accel_mps2.z() = 9.81;
+    (void)filter.process(imu);
+    (void)filter.process(WheelOdometry{now, 0.1, Pose2(0.1, 0.0, 0.0)});
+    if (i % 10 != 0) continue;
+    readCompass(filter, now, compass_error_rad);
+    report = offerFix(filter, now, fix_at(0.1 * i), GnssFixType::kSingle);
+  }
+  return report;
+}
+
+TEST(MapFilter, DoubtsCodeFixesThatWalkAwayFromTheOdometry) {
+  FilterParams untested;
+  untested.gnss.drift_window_s = 0.0;
+  MapFilter filter{FilterParams(), SensorRig()};
+  MapFilter led{untested, SensorRig()};
+  UpdateReport report;
+  for (MapFilter* f : {&led, &filter}) {
+    (void)driveEast(*f, 0, 60, [](double t) { return Eigen::Vector2d(t, 0.0); });
+    // To the side: every fix is near the one before, and none is far from the estimate.
+    report = driveEast(*f, 60, 90, [](double t) { return Eigen::Vector2d(t, 1.0 * (t - 60.0)); });
+  }
+  EXPECT_EQ(report.decision, Decision::kGated);
+  EXPECT_EQ(report.reason, "drift");
+  EXPECT_LT(filter.pose().mean.y, 0.6 * led.pose().mean.y) << led.pose().mean.y;
+}
+
+TEST(MapFilter, ARobotThatFellSilentMayBeAnywhereNear) {
+  MapFilter filter{FilterParams(), SensorRig()};
+  (void)driveEast(filter, 0, 60, [](double t) { return Eigen::Vector2d(t, 0.0); });
+  ASSERT_TRUE(filter.ready()) << filter.waitingFor();
+  // It drove on for 8 s, round a corner, and nothing was heard of it.
+  const Timestamp now = Timestamp{0} + std::chrono::seconds(68);
+  const auto report = offerFix(filter, now, {62.0, -8.0}, GnssFixType::kRtkFixed);
+  EXPECT_NE(report.decision, Decision::kGated);
+  EXPECT_GT(std::sqrt(filter.pose().cov(2, 2)), 0.5) << "[rad], it may have turned";
+}
+
+TEST(MapFilter, ACalibratedCompassStartsItAndKeepsItsCalibrationBesideSteel) {
+  MapFilter filter{FilterParams(), SensorRig()};
+  readCompass(filter, Timestamp{0}, 0.0);
+  (void)offerFix(filter, Timestamp{0}, {0.0, 0.0}, GnssFixType::kSingle);
+  ASSERT_TRUE(filter.ready()) << "without driving";
+  const auto east = [](double t) { return Eigen::Vector2d(t, 0.0); };
+  (void)driveEast(filter, 0, 30, east);
+  (void)driveEast(filter, 30, 40, east, degToRad(50.0));
+  (void)driveEast(filter, 40, 60, east);
+  EXPECT_NEAR(radToDeg(filter.state().heading_offset), 0.0, 4.0);
+  EXPECT_NEAR(radToDeg(filter.pose().mean.phi), 0.0, 4.0);
 }
 
 TEST(MapFilter, OdometryLearnsTheGyroBiasStandingAndNeverJumps) {

@@ -2,11 +2,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
 
 #include "least_squares.hpp"
 #include "vestibule/core/angles.hpp"
 #include "vestibule/core/errors.hpp"
-#include "vestibule/pipeline/fuse.hpp"
+#include "vestibule/metrics/statistics.hpp"
 #include "vestibule/pipeline/time_ordered_queue.hpp"
 #include "vestibule/tuning/calibration.hpp"
 
@@ -127,6 +128,19 @@ Calibration calibrateCompass(
     residuals.before.emplace_back(row.at_s, misfitOf(row, before));
     residuals.after.emplace_back(row.at_s, misfitOf(row, found));
   }
+  const auto median = [](const std::vector<std::pair<double, double>>& misfits) {
+    std::vector<double> sizes;
+    for (const auto& [at_s, misfit] : misfits) sizes.push_back(std::abs(misfit));
+    return metrics::statistics(sizes).median;
+  };
+  char text[96];
+  std::snprintf(
+      text,
+      sizeof text,
+      "half of the readings are within %.1f deg before, %.1f deg after (steel bends the others)",
+      median(residuals.before),
+      median(residuals.after));
+  result.notes.emplace_back(text);
   result.residuals.push_back(std::move(residuals));
   return result;
 }
