@@ -70,6 +70,7 @@ void describe(ParamIo& io, WheelParams& p) {
 
 void describe(ParamIo& io, GyroParams& p) {
   io.optional("noise_rad_sqrt_s", p.noise_rad_sqrt_s, positive());
+  io.optional("rest_noise_rad_sqrt_s", p.rest_noise_rad_sqrt_s, positive());
   io.optional("scale_sigma", p.scale_sigma, nonNegative());
   io.optional("bias_sigma_radps", p.bias_sigma_radps, positive());
   io.optional("bias_walk_radps_sqrt_s", p.bias_walk_radps_sqrt_s, nonNegative());

@@ -322,8 +322,9 @@ void Tracker::offerGravity(const Eigen::Vector3d& force_mps2, const Eigen::Vecto
 }
 
 void Tracker::offerZeroRate(const Eigen::Vector3d& omega_radps, double interval_s) {
+  const GyroParams& p = shared_->params.gyro;
   const double sigma =
-      shared_->params.gyro.noise_rad_sqrt_s / std::sqrt(std::max(interval_s, 1e-3));
+      std::min(p.rest_noise_rad_sqrt_s, p.noise_rad_sqrt_s) / std::sqrt(std::max(interval_s, 1e-3));
   (void)offer(shared_->model.zeroRate(x_, omega_radps, sigma), kZeroRateInflation);
 }
 

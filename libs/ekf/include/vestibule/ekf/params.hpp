@@ -45,8 +45,11 @@ struct WheelParams {
 
 struct GyroParams {
   double noise_rad_sqrt_s = 0.002;  ///< [rad/sqrt(s)] angle random walk
+  /// [rad/sqrt(s)] the same at rest, without the vibration of driving: what a stop tells of the
+  /// bias.
+  double rest_noise_rad_sqrt_s = 0.0005;
   double scale_sigma = 0.01;        ///< [-] of a turn
-  double bias_sigma_radps = 0.005;  ///< [rad/s] at start
+  double bias_sigma_radps = 0.003;  ///< [rad/s] at start
   double bias_walk_radps_sqrt_s = 2e-5;
   double max_gap_s = 0.5;  ///< [s] a longer silence (or 2.5 periods) = no gyro: wheels turn
 };
