@@ -10,6 +10,18 @@
 namespace vestibule::io {
 namespace {
 
+bool readable(const rosbag::ConnectionInfo& c) {
+  static const std::set<std::string> kTypes = {
+      "sensor_msgs/NavSatFix",
+      "sensor_msgs/Imu",
+      "sensor_msgs/MagneticField",
+      "nav_msgs/Odometry",
+      "sensor_msgs/LaserScan"};
+  const bool twist = c.datatype == "geometry_msgs/TwistStamped" ||
+                     c.datatype == "geometry_msgs/TwistWithCovarianceStamped";
+  return kTypes.count(c.datatype) > 0 || (twist && isGnssVelocity(c.topic));
+}
+
 class BagReader : public RecordingReader {
  public:
   BagReader(const std::string& path, const RecordingOptions& options)
@@ -17,10 +29,7 @@ class BagReader : public RecordingReader {
     try {
       bag_.open(path, rosbag::bagmode::Read);
       readStaticFrames();
-      view_.addQuery(bag_, [](const rosbag::ConnectionInfo* c) {
-        return c->datatype == "sensor_msgs/NavSatFix" || c->datatype == "sensor_msgs/Imu" ||
-               c->datatype == "nav_msgs/Odometry" || c->datatype == "sensor_msgs/LaserScan";
-      });
+      view_.addQuery(bag_, [](const rosbag::ConnectionInfo* c) { return readable(*c); });
       size_ = view_.size();
       noteOtherTopics();
       it_ = view_.begin();
@@ -39,7 +48,10 @@ class BagReader : public RecordingReader {
     while (true) {
       if (auto record = messages_.next()) return record;
       try {
-        if (it_ == view_.end()) return std::nullopt;
+        if (it_ == view_.end()) {
+          messages_.finish();
+          return messages_.next();
+        }
         ++number_;
         take(*it_);
         ++it_;
@@ -85,13 +97,11 @@ class BagReader : public RecordingReader {
     std::set<std::string> odometry;
     for (const auto* c : view_.getConnections()) {
       if (c->datatype == "nav_msgs/Odometry") odometry.insert(c->topic);
+      if (c->datatype.rfind("geometry_msgs/", 0) == 0) messages_.expectVelocities();
     }
     for (const auto* c : all.getConnections()) {
-      const bool read = c->datatype == "sensor_msgs/NavSatFix" ||
-                        c->datatype == "sensor_msgs/Imu" || c->datatype == "nav_msgs/Odometry" ||
-                        c->datatype == "sensor_msgs/LaserScan" ||
-                        frameName(c->topic) == "tf_static";
-      if (!read) texts.insert("topic " + c->topic + " (" + c->datatype + ") ignored");
+      if (!readable(*c) && frameName(c->topic) != "tf_static")
+        texts.insert("topic " + c->topic + " (" + c->datatype + ") ignored");
     }
     topic_notes_.assign(texts.begin(), texts.end());
     if (odometry.size() > 1) {
@@ -109,6 +119,16 @@ class BagReader : public RecordingReader {
       messages_.take(number_, message.getTopic(), instantiate<sensor_msgs::Imu>(message));
     } else if (type == "nav_msgs/Odometry") {
       messages_.take(number_, message.getTopic(), instantiate<nav_msgs::Odometry>(message));
+    } else if (type == "sensor_msgs/MagneticField") {
+      messages_.take(number_, message.getTopic(), instantiate<sensor_msgs::MagneticField>(message));
+    } else if (type == "geometry_msgs/TwistStamped") {
+      messages_.take(
+          number_, message.getTopic(), instantiate<geometry_msgs::TwistStamped>(message));
+    } else if (type == "geometry_msgs/TwistWithCovarianceStamped") {
+      messages_.take(
+          number_,
+          message.getTopic(),
+          instantiate<geometry_msgs::TwistWithCovarianceStamped>(message));
     } else {
       messages_.take(number_, message.getTopic(), instantiate<sensor_msgs::LaserScan>(message));
     }

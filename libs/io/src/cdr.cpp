@@ -147,6 +147,28 @@ void decodeCdr(std::string_view bytes, sensor_msgs::LaserScan& m) {
   cdr.fixed(m.intensities);
 }
 
+void decodeCdr(std::string_view bytes, sensor_msgs::MagneticField& m) {
+  CdrReader cdr(bytes);
+  cdr.header(m.header);
+  cdr.vector(m.magnetic_field);
+  cdr.fixed(m.magnetic_field_covariance);
+}
+
+void decodeCdr(std::string_view bytes, geometry_msgs::TwistStamped& m) {
+  CdrReader cdr(bytes);
+  cdr.header(m.header);
+  cdr.vector(m.twist.linear);
+  cdr.vector(m.twist.angular);
+}
+
+void decodeCdr(std::string_view bytes, geometry_msgs::TwistWithCovarianceStamped& m) {
+  CdrReader cdr(bytes);
+  cdr.header(m.header);
+  cdr.vector(m.twist.twist.linear);
+  cdr.vector(m.twist.twist.angular);
+  cdr.fixed(m.twist.covariance);
+}
+
 void decodeCdr(std::string_view bytes, tf2_msgs::TFMessage& m) {
   CdrReader cdr(bytes);
   constexpr std::size_t kSmallest = 8 + 4 + 4 + 7 * sizeof(double);

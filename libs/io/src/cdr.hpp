@@ -1,8 +1,11 @@
 #pragma once
 
+#include <geometry_msgs/TwistStamped.h>
+#include <geometry_msgs/TwistWithCovarianceStamped.h>
 #include <nav_msgs/Odometry.h>
 #include <sensor_msgs/Imu.h>
 #include <sensor_msgs/LaserScan.h>
+#include <sensor_msgs/MagneticField.h>
 #include <sensor_msgs/NavSatFix.h>
 #include <tf2_msgs/TFMessage.h>
 
@@ -17,6 +20,9 @@ void decodeCdr(std::string_view bytes, sensor_msgs::NavSatFix& m);
 void decodeCdr(std::string_view bytes, sensor_msgs::Imu& m);
 void decodeCdr(std::string_view bytes, nav_msgs::Odometry& m);
 void decodeCdr(std::string_view bytes, sensor_msgs::LaserScan& m);
+void decodeCdr(std::string_view bytes, sensor_msgs::MagneticField& m);
+void decodeCdr(std::string_view bytes, geometry_msgs::TwistStamped& m);
+void decodeCdr(std::string_view bytes, geometry_msgs::TwistWithCovarianceStamped& m);
 void decodeCdr(std::string_view bytes, tf2_msgs::TFMessage& m);
 
 }  // namespace vestibule::io

@@ -20,11 +20,14 @@
 #include "readers.hpp"
 #include "vestibule/core/angles.hpp"
 #include "vestibule/core/errors.hpp"
+#include "vestibule/sensors/magnetometer.hpp"
 
 namespace vestibule::io {
 namespace {
 
 using namespace mrpt::obs;
+
+constexpr double kTeslaPerGauss = 1e-4;
 
 // A scan plane tilted more than this is no horizontal section of the room.
 
@@ -269,8 +272,9 @@ class RawlogReader : public RecordingReader {
     };
     const Timestamp stamp = fromMrpt(obs.timestamp);
     if (obs.has(IMU_WZ) || obs.has(IMU_X_ACC)) {
-      push(
-          obs, Imu{stamp, vector(IMU_WX, IMU_WY, IMU_WZ), vector(IMU_X_ACC, IMU_Y_ACC, IMU_Z_ACC)});
+      const Imu imu{stamp, vector(IMU_WX, IMU_WY, IMU_WZ), vector(IMU_X_ACC, IMU_Y_ACC, IMU_Z_ACC)};
+      magnetometer_.take(imu);
+      push(obs, imu);
     }
     if (obs.has(IMU_YAW)) {
       const double mount_yaw = std::atan2(R_base_imu(1, 0), R_base_imu(0, 0));
@@ -278,6 +282,14 @@ class RawlogReader : public RecordingReader {
           obs,
           rig_.compass.corrected(
               {stamp, angleDiff(obs.get(IMU_YAW), mount_yaw), std::nullopt, std::nullopt}));
+    } else if (obs.has(IMU_MAG_X) && obs.has(IMU_MAG_Y) && obs.has(IMU_MAG_Z)) {
+      const auto reading =
+          magnetometer_.read(stamp, kTeslaPerGauss * vector(IMU_MAG_X, IMU_MAG_Y, IMU_MAG_Z));
+      if (reading.heading) {
+        push(obs, rig_.compass.corrected(*reading.heading));
+      } else {
+        notes_.add("magnetic fields " + reading.refused, number_);
+      }
     }
   }
 
@@ -296,6 +308,7 @@ class RawlogReader : public RecordingReader {
   }
 
   SensorRig rig_;
+  Magnetometer magnetometer_;
   std::optional<SliceParams> slice_;
   PeekStream stream_;
   mrpt::serialization::CArchive::Ptr archive_;

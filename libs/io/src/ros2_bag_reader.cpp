@@ -10,7 +10,17 @@
 namespace vestibule::io {
 namespace {
 
-enum class Kind { kOther, kFix, kImu, kOdometry, kScan, kStaticFrames };
+enum class Kind {
+  kOther,
+  kFix,
+  kImu,
+  kMagneticField,
+  kOdometry,
+  kScan,
+  kVelocity,
+  kVelocityWithCovariance,
+  kStaticFrames
+};
 
 struct Topic {
   std::string name;
@@ -23,6 +33,13 @@ Kind kindOf(const std::string& name, const std::string& type) {
   if (type == "sensor_msgs/msg/Imu") return Kind::kImu;
   if (type == "nav_msgs/msg/Odometry") return Kind::kOdometry;
   if (type == "sensor_msgs/msg/LaserScan") return Kind::kScan;
+  if (type == "sensor_msgs/msg/MagneticField") return Kind::kMagneticField;
+  if (isGnssVelocity(name)) {
+    if (type == "geometry_msgs/msg/TwistStamped") return Kind::kVelocity;
+    if (type == "geometry_msgs/msg/TwistWithCovarianceStamped") {
+      return Kind::kVelocityWithCovariance;
+    }
+  }
   const bool is_tf = type == "tf2_msgs/msg/TFMessage";
   return is_tf && frameName(name) == "tf_static" ? Kind::kStaticFrames : Kind::kOther;
 }
@@ -56,7 +73,12 @@ class Ros2BagReader : public RecordingReader {
   std::optional<Record> next() override {
     while (true) {
       if (auto record = messages_.next()) return record;
-      if (!step(messages_of_bag_)) return std::nullopt;
+      // A statement that has ended begins anew when it is asked again.
+      if (ended_ || !step(messages_of_bag_)) {
+        ended_ = true;
+        messages_.finish();
+        return messages_.next();
+      }
       ++number_;
       take(topicOf(sqlite3_column_int64(messages_of_bag_.get(), 1)));
     }
@@ -132,6 +154,9 @@ class Ros2BagReader : public RecordingReader {
             path_ + ": topic " + topic.name + " is coded as " + io::quoted(coding) +
             ", not as cdr; record the bag with the default serialization format");
       }
+      if (topic.kind == Kind::kVelocity || topic.kind == Kind::kVelocityWithCovariance) {
+        messages_.expectVelocities();
+      }
       any = any || (topic.kind != Kind::kOther && topic.kind != Kind::kStaticFrames);
       topics_[sqlite3_column_int64(statement.get(), 0)] = topic;
     }
@@ -191,6 +216,12 @@ class Ros2BagReader : public RecordingReader {
         return decodeAndTake<nav_msgs::Odometry>(topic.name);
       case Kind::kScan:
         return decodeAndTake<sensor_msgs::LaserScan>(topic.name);
+      case Kind::kMagneticField:
+        return decodeAndTake<sensor_msgs::MagneticField>(topic.name);
+      case Kind::kVelocity:
+        return decodeAndTake<geometry_msgs::TwistStamped>(topic.name);
+      case Kind::kVelocityWithCovariance:
+        return decodeAndTake<geometry_msgs::TwistWithCovarianceStamped>(topic.name);
       case Kind::kStaticFrames:
       case Kind::kOther:
         break;
@@ -203,6 +234,7 @@ class Ros2BagReader : public RecordingReader {
   Statement messages_of_bag_;
   std::size_t size_ = 0;
   std::size_t number_ = 0;
+  bool ended_ = false;
   RosMessages messages_;
 };
 

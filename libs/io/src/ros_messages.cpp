@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "vestibule/core/angles.hpp"
 
@@ -10,6 +11,8 @@ namespace {
 
 constexpr double kMaxTiltCos = 0.985;  // 10 degrees
 constexpr int kMaxFrameDepth = 32;
+constexpr double kSameFix_s = 0.02;
+constexpr double kFixWaits_s = 0.2;
 
 Eigen::Quaterniond toEigen(const geometry_msgs::Quaternion& q) { return {q.w, q.x, q.y, q.z}; }
 
@@ -19,10 +22,27 @@ Timestamp stampOf(const std_msgs::Header& header) {
   return {static_cast<std::int64_t>(header.stamp.toNSec())};
 }
 
+bool sameFix(Timestamp a, Timestamp b) { return std::abs(toSeconds(a - b)) <= kSameFix_s; }
+
+GnssVelocity toVelocity(const geometry_msgs::Twist& twist) {
+  return {{twist.linear.x, twist.linear.y, twist.linear.z}, std::nullopt};
+}
+
 }  // namespace
 
 std::string frameName(const std::string& id) {
   return !id.empty() && id.front() == '/' ? id.substr(1) : id;
+}
+
+bool isGnssVelocity(const std::string& topic) {
+  const std::string name = frameName(topic);
+  const std::string last = name.substr(name.rfind('/') + 1);
+  if (last == "fix_velocity" || name == "vel") return true;
+  if (last != "vel" && last != "velocity") return false;
+  const auto from = {"gps", "gnss", "navsat", "nmea", "ublox"};
+  return std::any_of(from.begin(), from.end(), [&name](const char* device) {
+    return name.find(device) != std::string::npos;
+  });
 }
 
 void FrameTree::add(const geometry_msgs::TransformStamped& t) {
@@ -61,6 +81,7 @@ void RosMessages::take(
     std::size_t number, const std::string& topic, const sensor_msgs::NavSatFix& m) {
   GnssFix fix;
   fix.stamp = stampOf(m.header);
+  release();
   const bool finite = std::isfinite(m.latitude) && std::isfinite(m.longitude);
   const bool on_earth = std::abs(m.latitude) <= 90.0 && std::abs(m.longitude) <= 180.0;
   if (m.status.status < 0 || !finite || !on_earth) {
@@ -85,13 +106,81 @@ void RosMessages::take(
   if (const auto T = frames_.find(m.header.frame_id)) {
     rig_.p_base_antenna = {T->translation().x(), T->translation().y()};
   }
-  queue_.push_back({number, topic, fix});
+  if (early_velocity_ && sameFix(early_velocity_->first, fix.stamp)) {
+    fix.velocity = early_velocity_->second;
+  }
+  waiting_fix_ = Record{number, topic, fix};
+  if (!velocities_expected_ || fix.velocity) release();
+}
+
+void RosMessages::release() {
+  if (waiting_fix_) queue_.push_back(*std::exchange(waiting_fix_, std::nullopt));
+}
+
+void RosMessages::releaseBefore(Timestamp now) {
+  if (!waiting_fix_) return;
+  const Timestamp stamp = vestibule::stampOf(waiting_fix_->measurement);
+  if (toSeconds(now - stamp) > kFixWaits_s) release();
+}
+
+void RosMessages::offerVelocity(
+    std::size_t number, const std::string& topic, Timestamp stamp, const GnssVelocity& velocity) {
+  // The filter asks for both level axes; the third is free to be unknown.
+  if (!velocity.enu_mps.head<2>().allFinite()) {
+    notes_.add(topic + " velocities unusable (NaN)", number);
+    return;
+  }
+  early_velocity_ = {stamp, velocity};
+  if (!waiting_fix_) return;
+  auto& fix = std::get<GnssFix>(waiting_fix_->measurement);
+  if (sameFix(fix.stamp, stamp)) {
+    fix.velocity = velocity;
+    release();
+  }
+}
+
+void RosMessages::take(
+    std::size_t number, const std::string& topic, const geometry_msgs::TwistStamped& m) {
+  offerVelocity(number, topic, stampOf(m.header), toVelocity(m.twist));
+}
+
+void RosMessages::take(
+    std::size_t number,
+    const std::string& topic,
+    const geometry_msgs::TwistWithCovarianceStamped& m) {
+  GnssVelocity velocity = toVelocity(m.twist.twist);
+  const double variance = std::max(m.twist.covariance[0], m.twist.covariance[7]);
+  if (variance > 0.0 && std::isfinite(variance)) velocity.sigma_mps = std::sqrt(variance);
+  offerVelocity(number, topic, stampOf(m.header), velocity);
+}
+
+void RosMessages::take(
+    std::size_t number, const std::string& topic, const sensor_msgs::MagneticField& m) {
+  releaseBefore(stampOf(m.header));
+  const Eigen::Vector3d field(m.magnetic_field.x, m.magnetic_field.y, m.magnetic_field.z);
+  if (!field.allFinite()) {
+    notes_.add(topic + " fields unusable (NaN)", number);
+    return;
+  }
+  if (orientation_seen_) {
+    notes_.add(topic + " fields left out: the orientation of the IMU has them in it", number);
+    return;
+  }
+  const auto T = frames_.find(m.header.frame_id);
+  const Eigen::Matrix3d R_base_sensor = T ? Eigen::Matrix3d(T->linear()) : imuMounting(rig_);
+  const auto reading = magnetometer_.read(stampOf(m.header), R_base_sensor * field);
+  if (!reading.heading) {
+    notes_.add(topic + " fields " + reading.refused, number);
+    return;
+  }
+  queue_.push_back({number, topic, rig_.compass.corrected(*reading.heading)});
 }
 
 void RosMessages::take(std::size_t number, const std::string& topic, const sensor_msgs::Imu& m) {
   const auto T = frames_.find(m.header.frame_id);
   const Eigen::Matrix3d R_base_imu = T ? Eigen::Matrix3d(T->linear()) : imuMounting(rig_);
   const Timestamp stamp = stampOf(m.header);
+  releaseBefore(stamp);
   // A first covariance element of -1 says that the device does not have the quantity.
   if (m.angular_velocity_covariance[0] != -1.0) {
     Imu imu;
@@ -105,6 +194,7 @@ void RosMessages::take(std::size_t number, const std::string& topic, const senso
           Eigen::Vector3d(
               m.linear_acceleration.x, m.linear_acceleration.y, m.linear_acceleration.z);
     }
+    magnetometer_.take(imu);
     queue_.push_back({number, topic, imu});
   } else {
     notes_.add(topic + " messages without rates", number);
@@ -115,6 +205,7 @@ void RosMessages::take(std::size_t number, const std::string& topic, const senso
     notes_.add(topic + " orientations that are no unit quaternion", number);
     return;
   }
+  orientation_seen_ = true;
   Heading heading;
   heading.stamp = stamp;
   const Eigen::Matrix3d R = q.normalized().toRotationMatrix() * R_base_imu.transpose();
@@ -125,6 +216,7 @@ void RosMessages::take(std::size_t number, const std::string& topic, const senso
 }
 
 void RosMessages::take(std::size_t number, const std::string& topic, const nav_msgs::Odometry& m) {
+  releaseBefore(stampOf(m.header));
   const Eigen::Quaterniond q = toEigen(m.pose.pose.orientation);
   const auto& p = m.pose.pose.position;
   if (!(q.norm() > 0.5) || !std::isfinite(p.x) || !std::isfinite(p.y)) {
@@ -141,6 +233,7 @@ void RosMessages::take(
     std::size_t number, const std::string& topic, const sensor_msgs::LaserScan& m) {
   LaserScan scan;
   scan.stamp = stampOf(m.header);
+  releaseBefore(scan.stamp);
   scan.angle_min_rad = static_cast<double>(m.angle_min);
   scan.angle_step_rad = static_cast<double>(m.angle_increment);
   scan.range_min_m = static_cast<double>(m.range_min);

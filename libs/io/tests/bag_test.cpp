@@ -1,8 +1,11 @@
+#include <geometry_msgs/TwistStamped.h>
+#include <geometry_msgs/TwistWithCovarianceStamped.h>
 #include <gmock/gmock.h>
 #include <nav_msgs/Odometry.h>
 #include <rosbag/bag.h>
 #include <sensor_msgs/Imu.h>
 #include <sensor_msgs/LaserScan.h>
+#include <sensor_msgs/MagneticField.h>
 #include <sensor_msgs/NavSatFix.h>
 #include <tf2_msgs/TFMessage.h>
 
@@ -134,6 +137,87 @@ TEST(Bag, MessagesBecomeMeasurements) {
   EXPECT_NEAR(scans[0].angle_step_rad, 0.5, 1e-6);
   EXPECT_FLOAT_EQ(scans[0].ranges_m[0], 5.0F);
   EXPECT_FALSE(scans[0].valid(2));
+}
+
+TEST(Bag, VelocitiesJoinTheFixOfTheirStamp) {
+  const std::string path = (testFolder() / "v.bag").string();
+  {
+    rosbag::Bag bag(path, rosbag::bagmode::Write);
+    for (int i = 0; i < 4; ++i) {
+      const ros::Time t(1000 + static_cast<unsigned>(i), 5);
+      sensor_msgs::NavSatFix fix;
+      fix.header.stamp = t;
+      fix.latitude = 42.0;
+      geometry_msgs::TwistWithCovarianceStamped velocity;
+      velocity.header.stamp = t;
+      velocity.twist.twist.linear.x = 1.0 + i;
+      velocity.twist.covariance[0] = velocity.twist.covariance[7] = 0.04;
+      geometry_msgs::TwistStamped command;
+      command.header.stamp = t;
+      command.twist.linear.x = 99.0;
+      bag.write("/robot/cmd_vel", t, command);
+      if (i == 1) bag.write("/gps/fix_velocity", t, velocity);  // before its fix
+      bag.write("/gps/fix", t, fix);
+      if (i == 0 || i == 3) bag.write("/gps/fix_velocity", t, velocity);
+      sensor_msgs::Imu imu;  // later: the third fix waits no longer
+      imu.header.stamp = t + ros::Duration(0.5);
+      imu.orientation_covariance[0] = -1.0;
+      bag.write("/imu", imu.header.stamp, imu);
+    }
+  }
+  const auto reader = openRecording(path, {});
+  std::vector<GnssFix> fixes;
+  std::vector<std::size_t> at;
+  for (std::size_t n = 0; const auto record = reader->next(); ++n) {
+    if (const auto* fix = std::get_if<GnssFix>(&record->measurement)) {
+      fixes.push_back(*fix);
+      at.push_back(n);
+    }
+  }
+  ASSERT_EQ(fixes.size(), 4U);
+  for (const std::size_t i : {0U, 1U, 3U}) {
+    ASSERT_TRUE(fixes[i].velocity) << i;
+    EXPECT_EQ(fixes[i].velocity->enu_mps.x(), 1.0 + static_cast<double>(i));
+    EXPECT_NEAR(fixes[i].velocity->sigma_mps.value_or(0.0), 0.2, 1e-12);
+  }
+  EXPECT_FALSE(fixes[2].velocity);
+  EXPECT_EQ(at, (std::vector<std::size_t>{0, 2, 4, 6}));
+  EXPECT_THAT(reader->notes(), testing::Contains(HasSubstr("cmd_vel")));
+}
+
+TEST(Bag, AMagneticFieldGivesHeadingsUnlessAnOrientationHasIt) {
+  for (const bool oriented : {false, true}) {
+    const std::string path = (testFolder() / "m.bag").string();
+    {
+      rosbag::Bag bag(path, rosbag::bagmode::Write);
+      for (int i = 0; i < 10; ++i) {
+        const ros::Time t(1000 + static_cast<unsigned>(i), 5);
+        sensor_msgs::Imu imu;
+        imu.header.stamp = t;
+        imu.orientation_covariance[0] = oriented ? 0.01 : -1.0;
+        imu.orientation.w = 1.0;
+        imu.linear_acceleration.z = 9.8;
+        bag.write("/imu/data", t, imu);
+        sensor_msgs::MagneticField field;  // north is to the left: the robot looks east
+        field.header.stamp = t + ros::Duration(0.1);
+        field.magnetic_field.y = (i == 7 ? 2.0 : 1.0) * 20e-6;
+        field.magnetic_field.z = -40e-6;
+        bag.write("/imu/mag", field.header.stamp, field);
+      }
+    }
+    const auto reader = openRecording(path, {});
+    std::size_t headings = 0;
+    while (const auto record = reader->next()) {
+      const auto* heading = std::get_if<Heading>(&record->measurement);
+      if (heading == nullptr || record->source != "/imu/mag") continue;
+      ++headings;
+      EXPECT_NEAR(heading->yaw_rad, 0.0, 1e-9);
+    }
+    EXPECT_EQ(headings, oriented ? 0U : 9U);
+    EXPECT_THAT(
+        reader->notes(),
+        testing::Contains(HasSubstr(oriented ? "the orientation of the IMU" : "steel")));
+  }
 }
 
 TEST(Bag, BadInput) {

@@ -73,6 +73,19 @@ std::string staticFrames() {
   return w.bytes();
 }
 
+std::string fix(int second) {
+  CdrWriter w;
+  w.header(1000 + second, "gps").number(std::int8_t{0}).number(std::uint16_t{1});
+  w.doubles({42.0, -71.0, 20.0}).zeros(9).number(std::uint8_t{0});
+  return w.bytes();
+}
+
+std::string velocity(int second) {
+  CdrWriter w;
+  w.header(1000 + second, "gps").doubles({0.3, -0.4, 0.1}).zeros(3);
+  return w.bytes();
+}
+
 struct Message {
   int topic;
   int timestamp;
@@ -96,7 +109,9 @@ std::string writeBag(
       "', '');"
       "INSERT INTO topics VALUES(2, '/scan', 'sensor_msgs/msg/LaserScan', 'cdr', '');"
       "INSERT INTO topics VALUES(3, '/tf_static', 'tf2_msgs/msg/TFMessage', 'cdr', '');"
-      "INSERT INTO topics VALUES(4, '/cmd_vel', 'geometry_msgs/msg/Twist', 'cdr', '');";
+      "INSERT INTO topics VALUES(4, '/cmd_vel', 'geometry_msgs/msg/Twist', 'cdr', '');"
+      "INSERT INTO topics VALUES(5, '/fix', 'sensor_msgs/msg/NavSatFix', 'cdr', '');"
+      "INSERT INTO topics VALUES(6, '/vel', 'geometry_msgs/msg/TwistStamped', 'cdr', '');";
   EXPECT_EQ(sqlite3_exec(db, schema.c_str(), nullptr, nullptr, nullptr), SQLITE_OK);
   sqlite3_stmt* insert = nullptr;
   sqlite3_prepare_v2(
@@ -140,6 +155,19 @@ TEST(Ros2Bag, MessagesBecomeMeasurementsInOrderOfTime) {
   EXPECT_EQ(reader->format(), "ROS 2 bag");
   EXPECT_THAT(reader->notes(), testing::Contains(HasSubstr("/cmd_vel")));
   EXPECT_DOUBLE_EQ(reader->progress(), 1.0);
+}
+
+TEST(Ros2Bag, VelocitiesJoinTheFixOfTheirStamp) {
+  const std::vector<Message> messages = {{5, 10, fix(1)}, {6, 11, velocity(1)}, {5, 12, fix(2)}};
+  const auto reader = openRecording(writeBag(testFolder() / "v.db3", messages), {});
+  const auto first = reader->next();
+  const auto last = reader->next();
+  ASSERT_TRUE(first && last);
+  const auto& joined = std::get<GnssFix>(first->measurement).velocity;
+  ASSERT_TRUE(joined);
+  EXPECT_EQ(joined->enu_mps, Eigen::Vector3d(0.3, -0.4, 0.1));
+  EXPECT_FALSE(std::get<GnssFix>(last->measurement).velocity);
+  EXPECT_FALSE(reader->next());
 }
 
 TEST(Ros2Bag, BadInput) {
