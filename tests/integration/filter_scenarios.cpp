@@ -101,7 +101,9 @@ FilterDrive driveFilter(
       if (fix == nullptr) continue;
       const double t_s = toSeconds(fix->stamp - start);
       if (pipeline::wasUsed(report)) result.used_s.push_back(t_s);
-      if (was_ready && fix->type != GnssFixType::kNone && !anyIncident(scenario, t_s)) {
+      if (fix->type == GnssFixType::kNone || anyIncident(scenario, t_s)) continue;
+      result.offered_s.push_back(t_s);
+      if (was_ready) {
         ++result.good_fixes;
         if (!pipeline::wasUsed(report)) ++result.good_refused;
       }

@@ -26,7 +26,8 @@ struct FilterDrive {
   std::optional<double> ready_s;
   std::size_t good_fixes = 0;  ///< while ready and no incident is on
   std::size_t good_refused = 0;
-  std::vector<double> used_s;  ///< when fixes were used
+  std::vector<double> offered_s;  ///< when there were fixes, but for those of an incident
+  std::vector<double> used_s;     ///< when fixes were used
 
   [[nodiscard]] const Sample& at(double t_s) const;
   [[nodiscard]] double largestError(double from_s, double to_s) const;
