@@ -82,9 +82,16 @@ void Core::advance(Timestamp stamp) {
 UpdateReport Core::take(const Imu& imu) {
   step(reckoning_.process(imu, odometry_.state().gyro_bias));
   if (reckoning_.standstill() && last_imu_ && params().use.imuYawRate()) {
-    const double interval_s = toSeconds(imu.stamp - *last_imu_);
-    odometry_.offerZeroRate(reckoning_.rate(), interval_s);
-    if (ready_) map_.offerZeroRate(reckoning_.rate(), interval_s);
+    const double interval_s = std::max(1e-3, toSeconds(imu.stamp - *last_imu_));
+    const GyroParams& gyro = params().gyro;
+    const double sigma = rest_noise_.note(
+        reckoning_.rate(),
+        gyro.noise_rad_sqrt_s / std::sqrt(interval_s),
+        std::min(gyro.rest_noise_rad_sqrt_s, gyro.noise_rad_sqrt_s) / std::sqrt(interval_s));
+    odometry_.offerZeroRate(reckoning_.rate(), sigma);
+    if (ready_) map_.offerZeroRate(reckoning_.rate(), sigma);
+  } else {
+    rest_noise_.restart();
   }
   if (!params().plane && params().use.imuAcceleration() && reckoning_.hasForce()) {
     const Eigen::Vector3d own = reckoning_.ownAcceleration(odometry_.state().gyro_bias);

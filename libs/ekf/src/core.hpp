@@ -11,6 +11,7 @@
 #include "heading_bank.hpp"
 #include "inputs.hpp"
 #include "noise_scale.hpp"
+#include "rest_noise.hpp"
 #include "tracker.hpp"
 
 namespace vestibule::ekf {
@@ -85,6 +86,7 @@ class Core {
   GnssDrift drift_;
   std::array<NoiseScale, 3> fix_noise_;  ///< by FixKind
   NoiseScale velocity_noise_;
+  RestNoise rest_noise_;
   std::optional<Timestamp> last_imu_;
   std::optional<Timestamp> last_heading_;
   std::optional<Timestamp> refused_since_;

@@ -321,11 +321,8 @@ void Tracker::offerGravity(const Eigen::Vector3d& force_mps2, const Eigen::Vecto
   (void)offer(shared_->model.gravity(x_, force_mps2, own_mps2, sigma), kLevelInflation);
 }
 
-void Tracker::offerZeroRate(const Eigen::Vector3d& omega_radps, double interval_s) {
-  const GyroParams& p = shared_->params.gyro;
-  const double sigma =
-      std::min(p.rest_noise_rad_sqrt_s, p.noise_rad_sqrt_s) / std::sqrt(std::max(interval_s, 1e-3));
-  (void)offer(shared_->model.zeroRate(x_, omega_radps, sigma), kZeroRateInflation);
+void Tracker::offerZeroRate(const Eigen::Vector3d& omega_radps, double sigma_radps) {
+  (void)offer(shared_->model.zeroRate(x_, omega_radps, sigma_radps), kZeroRateInflation);
 }
 
 UpdateReport Tracker::offerWheelTurn(

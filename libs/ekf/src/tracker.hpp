@@ -55,7 +55,7 @@ class Tracker {
   UpdateReport offerHeading(const Heading& heading);
   void offerTilt(double roll_rad, double pitch_rad, double sigma_rad);
   void offerGravity(const Eigen::Vector3d& force_mps2, const Eigen::Vector3d& own_mps2);
-  void offerZeroRate(const Eigen::Vector3d& omega_radps, double interval_s);
+  void offerZeroRate(const Eigen::Vector3d& omega_radps, double sigma_radps);
   UpdateReport offerWheelTurn(double wheels_rad, double gyro_rad, double forward_m, double dt_s);
 
   // --- GNSS: z = antenna + slow error + white error ---------------------------------------------

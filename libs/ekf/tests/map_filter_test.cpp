@@ -446,5 +446,22 @@ TEST(MapFilter, OdometryLearnsTheGyroBiasStandingAndNeverJumps) {
   EXPECT_NEAR(filter.speed(), 1.0, 1e-4);  // the chord is a little shorter than the arc
 }
 
+TEST(MapFilter, AStopTellsTheBiasOfAGyroThatDrivingShakes) {
+  FilterParams params;
+  params.gyro.noise_rad_sqrt_s = 0.02;
+  MapFilter filter(params, SensorRig());
+  RandomStream random(6, "stop");
+  for (int i = 1; i <= 20 * 50; ++i) {
+    const Timestamp now = Timestamp{0} + milliseconds(20) * i;
+    Imu imu;
+    imu.stamp = now;
+    imu.omega_radps.z() = 0.005 + random.normal(0.0, 0.003);
+    imu.accel_mps2.z() = 9.81;
+    (void)filter.process(imu);
+    (void)filter.process(WheelOdometry{now, 0.02, {}});
+  }
+  EXPECT_NEAR(filter.odometryState().gyro_bias.z(), 0.005, 0.0004);
+}
+
 }  // namespace
 }  // namespace vestibule::ekf

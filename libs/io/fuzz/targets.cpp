@@ -73,6 +73,9 @@ void readCdr(const std::string& bytes) {
   decodeAs<sensor_msgs::Imu>(bytes);
   decodeAs<nav_msgs::Odometry>(bytes);
   decodeAs<sensor_msgs::LaserScan>(bytes);
+  decodeAs<sensor_msgs::MagneticField>(bytes);
+  decodeAs<geometry_msgs::TwistStamped>(bytes);
+  decodeAs<geometry_msgs::TwistWithCovarianceStamped>(bytes);
   decodeAs<tf2_msgs::TFMessage>(bytes);
 }
 

@@ -33,7 +33,7 @@ struct WheelParams {
   double turn_lateral_sigma_m_sqrt_rad = 0.0;  ///< [m/sqrt(rad)] the same in turns, on top
   double yaw_sigma_per_rad = 0.15;             ///< [-] of a turn measured by the wheels
   double yaw_sigma_sqrt_m = 0.01;              ///< [rad/sqrt(m)] of the wheels' yaw on a straight
-  double scale_sigma = 0.08;           ///< [-] of the true distance per wheel distance, at start
+  double scale_sigma = 0.05;           ///< [-] of the true distance per wheel distance, at start
   double scale_walk_sqrt_m = 2e-4;     ///< [1/sqrt(m)] its drift
   double track_sigma = 0.3;            ///< [-] log of the turn they claim per true turn, at start
   double skew_sigma_rad_per_m = 0.01;  ///< [rad/m] turn when they claim to go straight, at start
@@ -45,11 +45,11 @@ struct WheelParams {
 
 struct GyroParams {
   double noise_rad_sqrt_s = 0.002;  ///< [rad/sqrt(s)] angle random walk
-  /// [rad/sqrt(s)] the same at rest, without the vibration of driving: what a stop tells of the
-  /// bias.
+  /// [rad/sqrt(s)] the least at rest, without the vibration of driving. How much it is there, a stop
+  /// shows itself.
   double rest_noise_rad_sqrt_s = 0.0005;
   double scale_sigma = 0.01;        ///< [-] of a turn
-  double bias_sigma_radps = 0.003;  ///< [rad/s] at start
+  double bias_sigma_radps = 0.006;  ///< [rad/s] at start
   double bias_walk_radps_sqrt_s = 2e-5;
   double max_gap_s = 0.5;  ///< [s] a longer silence (or 2.5 periods) = no gyro: wheels turn
 };
