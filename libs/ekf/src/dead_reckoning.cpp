@@ -86,11 +86,13 @@ void DeadReckoning::addNoise(Motion& u) const {
   const double path_m = u.rolling ? std::sqrt(squared(u.forward_m) + squared(u.left_m)) : 0.0;
   const double doubt = slips_until_ && time_ < *slips_until_ ? kSlipInflation : 1.0;
   u.forward_var += doubt * squared(wheels.distance_sigma_sqrt_m) * path_m;
+  const double turned_rad = std::max(0.0, std::abs(u.turn_rad.z()) - kStraight_radps * u.dt_s);
   u.left_var += doubt * (squared(wheels.lateral_sigma_sqrt_m) * path_m +
                          squared(wheels.turn_lateral_sigma_m_sqrt_rad) * std::abs(u.turn_rad.z()));
   if (u.turn_is_gyro) {
     const double noise_var = squared(params_->gyro.noise_rad_sqrt_s) * u.dt_s;
-    u.turn_var += noise_var + squared(params_->gyro.scale_sigma * u.turn_rad.z());
+    // Right for a turn of a quarter, in however many steps it is taken.
+    u.turn_var += noise_var + squared(params_->gyro.scale_sigma) * 0.5 * kPi * turned_rad;
     u.tilt_var = noise_var;
   } else if (standstill()) {
     u.turn_var += squared(kStandingTurn) * u.dt_s;
@@ -118,8 +120,7 @@ void DeadReckoning::addNoise(Motion& u) const {
   u.wheel_scale_var = squared(wheels.scale_walk_sqrt_m) * path_m;
   const HeadingParams& heading = params_->heading;
   u.heading_offset_var = squared(heading.offset_walk_rad_sqrt_s) * u.dt_s +
-                         squared(heading.turn_offset_rad_sqrt_rad) *
-                             std::max(0.0, std::abs(u.turn_rad.z()) - kStraight_radps * u.dt_s);
+                         squared(heading.turn_offset_rad_sqrt_rad) * turned_rad;
   u.disturbance_decay = std::exp(-u.dt_s / params_->heading.disturbance_time_s);
   u.disturbance_var =
       squared(params_->heading.disturbance_sigma_rad) * (1.0 - squared(u.disturbance_decay));
