@@ -103,11 +103,15 @@ inline void expectWalkResisted(std::uint64_t seeds) {
 inline void expectOutage(const std::string& scenario, double length_s, std::uint64_t seeds) {
   std::vector<double> drift;
   std::vector<double> back_s;
+  std::vector<double> position;
+  std::vector<double> yaw;
   for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
     const FilterDrive drive = driveFilter(scenario, seed, simulatedRobotFilter());
     ASSERT_TRUE(drive.ready_s);
     const auto& begin = drive.at(60.0);
     const auto& end = drive.at(60.0 + length_s - 0.1);
+    position.push_back(end.nees_position);
+    yaw.push_back(end.nees_yaw);
     // What the outage adds to the error, per distance driven in it.
     const double added = end.error_m - begin.error_m;
     drift.push_back(std::max(0.0, added) / std::max(1.0, end.driven_m - begin.driven_m));
@@ -127,6 +131,8 @@ inline void expectOutage(const std::string& scenario, double length_s, std::uint
       100.0 * figures.median,
       100.0 * figures.p95,
       slowest);
+  expectConsistent(position, 2, "position at the end of the outage");
+  expectConsistent(yaw, 1, "heading there");
   // Calibrated wheels and a heading that the receiver's velocities told to half a degree.
   if (length_s <= 60.0) {
     EXPECT_LE(figures.median, 0.01) << "of the distance";
