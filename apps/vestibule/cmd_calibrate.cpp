@@ -121,14 +121,19 @@ void emitPath(const metrics::Trajectory& path, const Observers& observers) {
   }
 }
 
-std::string pathPicture(const metrics::Trajectory& path, const metrics::Trajectory& reference) {
+std::string pathPicture(
+    const std::string& words,
+    const metrics::Trajectory& path,
+    const metrics::Trajectory& reference) {
   gui_headless::RunRecorder recorder;
   Observers observers;
   observers.attach(recorder);
   emitPath(path, observers);
   gui_headless::Scene scene;
   scene.reference = asReference(reference);
-  return gui_headless::renderOverview(recorder, scene);
+  gui_headless::OverviewStyle style;
+  style.path_words = words;
+  return gui_headless::renderOverview(recorder, scene, style);
 }
 
 void quickTable(const OdometryCalibration& c, gui_headless::ReportSection& section, Json& s) {
@@ -184,9 +189,9 @@ void calibrateOdometry(const Arguments& args, int& exit_code) {
   quickTable(c, section, output.summary());
   if (allObserved(c)) umbmarkTable(c, section, output.summary());
   section.pictures.push_back(
-      {"odometry as recorded (line), reference (dashed)", pathPicture(c.before, c.reference)});
+      {"odometry as recorded (line), reference (dashed)", pathPicture("recorded", c.before, c.reference)});
   section.pictures.push_back(
-      {"odometry as calibrated (line), reference (dashed)", pathPicture(c.after, c.reference)});
+      {"odometry as calibrated (line), reference (dashed)", pathPicture("calibrated", c.after, c.reference)});
   output.picture("before.png", section.pictures[0].png);
   output.picture("after.png", section.pictures[1].png);
   output.trajectory(c.after);

@@ -215,9 +215,10 @@ gui_headless::ReportSection resultSection(
     gui_headless::Table table;
     table.title = "Correlation of the parameters among the best candidates";
     table.header = {""};
-    for (const auto& p : space.parameters()) table.header.push_back(p.name);
+    // Numbers for names: so the table stays narrow.
+    for (std::size_t i = 0; i < space.size(); ++i) table.header.push_back(std::to_string(i + 1));
     for (std::size_t i = 0; i < space.size(); ++i) {
-      std::vector<std::string> row{space.parameters()[i].name};
+      std::vector<std::string> row{std::to_string(i + 1) + "  " + space.parameters()[i].name};
       for (const double c : r.correlations[i]) row.push_back(fixed(c, 2));
       table.rows.push_back(std::move(row));
     }
@@ -247,11 +248,14 @@ gui_headless::ReportSection pathSection(
   }
   gui_headless::Scene scene;
   scene.reference = asReference(before.estimate);
+  gui_headless::OverviewStyle style;
+  style.path_words = "best found";
+  style.reference_words = "defaults";
   gui_headless::ReportSection section;
   section.title = name;
   section.pictures.push_back(
-      {"best found (line) against the defaults (shown as the reference)",
-       gui_headless::renderOverview(recorder, scene)});
+      {"best found (line) against the defaults (dashed)",
+       gui_headless::renderOverview(recorder, scene, style)});
   const auto rmse = [](const tuning::Subject::Paths& p) {
     metrics::AssociationOptions association;
     association.matching = metrics::Matching::kInterpolated;

@@ -235,9 +235,13 @@ std::vector<LegendItem> legendOf(
   std::vector<LegendItem> items;
   std::set<Mode> modes;
   for (const PoseSample& sample : track) modes.insert(sample.mode);
-  for (const Mode mode : modes) items.push_back({Mark::kLine, colourOf(mode), modeName(mode)});
+  for (const Mode mode : modes) {
+    const std::string words = style.path_words.empty() ? modeName(mode) : style.path_words;
+    items.push_back({Mark::kLine, colourOf(mode), words});
+  }
   if (!reference.empty()) {
-    const std::string words = scene.reference.empty() ? "ground truth" : "reference";
+    const std::string usual = scene.reference.empty() ? "ground truth" : "reference";
+    const std::string words = style.reference_words.empty() ? usual : style.reference_words;
     items.push_back({Mark::kDashes, palette::kInk, words});
   }
   if (!ellipses.empty()) {

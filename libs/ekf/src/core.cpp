@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "vestibule/core/angles.hpp"
 
@@ -35,10 +36,10 @@ void tellNoise(UpdateReport& report, double scale) {
   report.reason = "noise x" + oneDecimal(scale);
 }
 
-UpdateReport rejected(const std::string& reason) {
+UpdateReport rejected(std::string reason) {
   UpdateReport report;
   report.decision = Decision::kRejected;
-  report.reason = reason;
+  report.reason = std::move(reason);
   return report;
 }
 

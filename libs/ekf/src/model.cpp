@@ -227,10 +227,12 @@ StateMatrix Transition::Q() const {
 bool Observation::finite() const {
   // Zero times anything that is not finite is not a number.
   double sum = 0.0;
-  for (int i = 0; i < kMaxRows; ++i) sum += 0.0 * residual[i];
-  for (int i = 0; i < R.size(); ++i) sum += 0.0 * R.data()[i];
+  for (int i = 0; i < rows; ++i) {
+    sum += 0.0 * residual[i];
+    for (int j = 0; j < rows; ++j) sum += 0.0 * R(i, j);
+  }
   for (std::uint32_t left = columns; left != 0U; left &= left - 1U) {
-    for (int i = 0; i < kMaxRows; ++i) sum += 0.0 * H(i, __builtin_ctz(left));
+    for (int i = 0; i < rows; ++i) sum += 0.0 * H(i, __builtin_ctz(left));
   }
   return rows >= 1 && sum == 0.0;
 }

@@ -1,6 +1,7 @@
 #include "vestibule/ekf/params.hpp"
 
 #include <algorithm>
+#include <string_view>
 
 namespace vestibule::ekf {
 namespace {
@@ -24,7 +25,7 @@ void describeUse(
   }
 }
 
-bool contains(const std::vector<std::string>& names, const char* name) {
+bool contains(const std::vector<std::string>& names, std::string_view name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 

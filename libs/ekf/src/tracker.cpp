@@ -163,6 +163,7 @@ void Tracker::settle() {
 
 void Tracker::keepWithinBounds() {
   static const Error kMost = mostUncertain();
+  if (!(P_.diagonal().array() > kMost.array()).any()) return;
   for (int i = 0; i < kStateSize; ++i) {
     if (!(P_(i, i) > kMost[i])) continue;
     // Scaling a row and its column keeps the matrix positive semi-definite.

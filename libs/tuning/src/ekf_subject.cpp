@@ -83,11 +83,26 @@ Drive recorded(const DriveSpec& spec, const Session& session, const Folders& fol
   return drive;
 }
 
+/// What is kept of a pass beside the numbers per block: what nobody looks at costs time.
+struct Keep {
+  bool trajectory = false;
+  bool odometry = false;
+  bool covariances = false;
+};
+
+Keep neededBy(const Session& session) {
+  const bool nees = wants(session, Measure::kNees);
+  return {
+      nees || wants(session, Measure::kApe) || wants(session, Measure::kRpe),
+      wants(session, Measure::kOdometryRpe),
+      nees};
+}
+
 /// One pass of the filter over a drive, and everything that is measured of it.
 class Pass {
  public:
-  Pass(const pipeline::Config& config, const Drive& drive, const BlockGrid& grid)
-      : drive_(drive), grid_(grid), replay_(config, *drive.log) {}
+  Pass(const pipeline::Config& config, const Drive& drive, const BlockGrid& grid, const Keep& keep)
+      : drive_(drive), grid_(grid), keep_(keep), replay_(config, *drive.log) {}
 
   /// \param window_s  of hidden fixes in every block that counts; 0 = none
   /// \return why the run failed; empty when it did not
@@ -100,12 +115,11 @@ class Pass {
       if (was_ready) innovation(stampOf(m), report);
       const auto* wheels = std::get_if<WheelOdometry>(&m);
       if (wheels == nullptr || replay_.time() != wheels->stamp) continue;
-      odometry.push_back({wheels->stamp, replay_.odometry()});
+      if (keep_.odometry) odometry.push_back({wheels->stamp, replay_.odometry()});
       if (!replay_.ready()) continue;
-      const PoseWithCovariance T_map_base = replay_.pose();
-      if (!isFinite(T_map_base.mean)) return "the pose is not finite";
-      trajectory.push_back({wheels->stamp, T_map_base.mean});
-      covariances.push_back(T_map_base.cov);
+      if (!replay_.poseIsFinite()) return "the pose is not finite";
+      if (keep_.trajectory) trajectory.push_back({wheels->stamp, replay_.pose().mean});
+      if (keep_.covariances) covariances.push_back(replay_.pose().cov);
     }
     if (!replay_.ready()) return "position and heading were never known: " + replay_.waitingFor();
     return "";
@@ -146,6 +160,7 @@ class Pass {
 
   const Drive& drive_;
   const BlockGrid& grid_;
+  Keep keep_;
   FilterReplay replay_;
 };
 
@@ -203,6 +218,8 @@ class EkfSubject : public Subject {
     const Drive& drive = at(role, index);
     const BlockGrid grid{drive.log->first, session_.block_s, drive.blocks};
     const pipeline::Config robot = ofRobot(config, drive);
+    Keep keep = neededBy(session_);
+    keep.trajectory = keep.trajectory || !folder.empty();
     // One pass per length of window; everything else is measured in the first.
     std::map<double, std::unique_ptr<Pass>> passes;
     const Pass* first = nullptr;
@@ -210,7 +227,7 @@ class EkfSubject : public Subject {
     const auto pass = [&](double window_s) -> const Pass& {
       auto& slot = passes[window_s];
       if (!slot) {
-        slot = std::make_unique<Pass>(robot, drive, grid);
+        slot = std::make_unique<Pass>(robot, drive, grid, keep);
         const std::string failure = slot->run(window_s, seed);
         if (outcome.failure.empty()) outcome.failure = failure;
         if (first == nullptr) first = slot.get();
@@ -234,7 +251,9 @@ class EkfSubject : public Subject {
       const pipeline::Config& config, Role role, std::size_t index) const override {
     const Drive& drive = at(role, index);
     const BlockGrid grid{drive.log->first, session_.block_s, Blocks::kAll};
-    Pass pass(ofRobot(config, drive), drive, grid);
+    Keep keep;
+    keep.trajectory = true;
+    Pass pass(ofRobot(config, drive), drive, grid, keep);
     (void)pass.run(0.0, 0);
     return {std::move(pass.trajectory), drive.reference};
   }

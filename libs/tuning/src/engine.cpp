@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "drive_list.hpp"
 #include "vestibule/core/errors.hpp"
 #include "vestibule/core/random.hpp"
 #include "vestibule/tuning/search.hpp"
@@ -40,23 +41,14 @@ class Engine {
         workers_(workers),
         journal_(journal),
         callbacks_(callbacks),
-        training_(runSet("training", Role::kTraining, false)) {}
+        training_(runSet("training", Role::kTraining, false)),
+        validation_(runSet("validation", Role::kValidation, true)),
+        final_(runSet("final", Role::kFinal, true)) {}
 
   TuningResult run() {
     result_.resumed = journal_.resumed();
     result_.defaults = space_.defaults();
-    status_.stage = "defaults";
-    (void)evaluate(training_, {result_.defaults});
-    const Evaluation& defaults = known(training_, result_.defaults);
-    if (!defaults.failure().empty()) {
-      throw InputError(session_.path + ": the defaults cannot be run: " + defaults.failure());
-    }
-    if (whyNotComparable(defaults, defaults) != "") {
-      throw InputError(
-          session_.path +
-          ": the defaults give no number to compare with (recording too short, no "
-          "fixes in the windows, no reference?)");
-    }
+    runDefaults();
     search();
     chooseWinner();
     validate();
@@ -115,6 +107,49 @@ class Engine {
   const Evaluation& known(const RunSet& set, const std::vector<double>& values) const {
     return *journal_.find(set.name, values);
   }
+
+  /// The defaults on all that will be compared: what a recording cannot give is known before the
+  /// search. Throws InputError with every problem.
+  void runDefaults() {
+    std::vector<const RunSet*> sets{&training_, &validation_};
+    if (!final_.cases.empty()) sets.push_back(&final_);
+    begin("defaults", sets.size());
+    std::string problems;
+    for (const RunSet* set : sets) {
+      (void)evaluate(*set, {result_.defaults});
+      for (std::size_t drive = 0; drive < subject_.drives(set->role); ++drive) {
+        const std::string text = problemOf(part(known(*set, result_.defaults), drive, true));
+        if (text.empty()) continue;
+        problems += (problems.empty() ? "" : "\n") + placeOf(set->role, drive) +
+                    subject_.name(set->role, drive) + ": the defaults " + text;
+      }
+    }
+    if (!problems.empty()) throw InputError(problems);
+  }
+
+  /// Why the defaults' runs of a drive are none to compare with; empty when they are.
+  std::string problemOf(const Evaluation& defaults) const {
+    const std::string failure = defaults.failure();
+    if (!failure.empty()) return "cannot be run: " + failure;
+    for (std::size_t o = 0; o < session_.objectives.size(); ++o) {
+      const auto has_number = [o](const Outcome& outcome) {
+        return o < outcome.objectives.size() && !outcome.objectives[o].empty();
+      };
+      if (std::any_of(defaults.outcomes.begin(), defaults.outcomes.end(), has_number)) continue;
+      return "give no number of " + std::string(toString(session_.objectives[o].measure)) +
+             " to compare with (recording too short, no fixes in the windows, no reference?)";
+    }
+    return "";
+  }
+
+  /// "session.yaml:7: recordings.training: ".
+  std::string placeOf(Role role, std::size_t drive) const {
+    const std::vector<DriveSpec> drives = drivesOf(session_, role);
+    const std::string where =
+        drive < drives.size() ? drives[drive].recording->where.text() : session_.path;
+    return where + ": recordings." + std::string(toString(role)) + ": ";
+  }
+
   double cost(const RunSet& set, const std::vector<double>& values) const {
     return relativeCost(session_.objectives, known(set, result_.defaults), known(set, values));
   }
@@ -219,22 +254,20 @@ class Engine {
   }
 
   void validate() {
-    const RunSet validation = runSet("validation", Role::kValidation, true);
     begin("validation", 2);
-    (void)evaluate(validation, {result_.defaults, result_.winner});
-    result_.validation = gain(validation);
+    (void)evaluate(validation_, {result_.defaults, result_.winner});
+    result_.validation = gain(validation_);
     for (std::size_t o = 0; o < session_.objectives.size(); ++o) {
       const Measure m = session_.objectives[o].measure;
       result_.levels.push_back(
           {std::string(toString(m)),
-           level(m, known(validation, result_.defaults), o),
-           level(m, known(validation, result_.winner), o)});
+           level(m, known(validation_, result_.defaults), o),
+           level(m, known(validation_, result_.winner), o)});
     }
-    if (subject_.drives(Role::kFinal) == 0) return;
-    const RunSet untouched = runSet("final", Role::kFinal, true);
+    if (final_.cases.empty()) return;
     begin("final set", 2);
-    (void)evaluate(untouched, {result_.defaults, result_.winner});
-    result_.final = gain(untouched);
+    (void)evaluate(final_, {result_.defaults, result_.winner});
+    result_.final = gain(final_);
   }
 
   /// The runs of one drive, or all but those.
@@ -381,6 +414,8 @@ class Engine {
   Journal& journal_;
   const Callbacks& callbacks_;
   RunSet training_;
+  RunSet validation_;
+  RunSet final_;
   Status status_;
   TuningResult result_;
 };

@@ -32,6 +32,11 @@ ekf::UpdateReport FilterReplay::feed(const Measurement& measurement) {
   return filter_.process(pipeline::inMap(*fix, pipeline::antennaInMap(*fix, log_.plane)));
 }
 
+bool FilterReplay::poseIsFinite() const {
+  const ekf::State& x = filter_.state();
+  return x.p.head<2>().allFinite() && x.q.coeffs().allFinite();
+}
+
 Pose2 FilterReplay::odometry() const { return filter_.odometry().mean; }
 
 Point2 FilterReplay::missOf(const GnssFix& fix) const {

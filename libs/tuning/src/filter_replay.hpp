@@ -31,6 +31,8 @@ class FilterReplay {
   [[nodiscard]] Timestamp time() const { return filter_.time(); }
   /// T_map_base. \pre ready()
   [[nodiscard]] PoseWithCovariance pose() const { return filter_.pose(); }
+  /// \pre ready()
+  [[nodiscard]] bool poseIsFinite() const;
   [[nodiscard]] Pose2 odometry() const;
   /// Estimated minus measured antenna position [m]. \pre ready()
   [[nodiscard]] Point2 missOf(const GnssFix& fix) const;

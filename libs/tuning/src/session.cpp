@@ -66,7 +66,23 @@ bool overlap(const RecordingSpec& a, const RecordingSpec& b) {
          b.first_seed < end(a);
 }
 
-/// Numbers that exist, are named once, and that the configuration takes at both ends of the range.
+/// Whether a run of the subject reads the section that the parameter is in.
+bool readBy(SubjectKind subject, const std::string& name) {
+  const std::string section = name.substr(0, name.find('.'));
+  if (section == "rig") return true;
+  switch (subject) {
+    case SubjectKind::kEkf:
+      return section == "ekf";
+    case SubjectKind::kAmcl:
+      return section == "amcl" || section == "ekf" || section == "slice";
+    case SubjectKind::kMapping:
+      return section == "mapping" || section == "slice";
+  }
+  return false;
+}
+
+/// Numbers that exist, have an effect, are named once, and that the configuration takes at both ends
+/// of the range.
 void checkParameters(Problems& problems, const Session& session) {
   const ParameterTree tree(session.base);
   std::set<std::string> seen;
@@ -77,6 +93,9 @@ void checkParameters(Problems& problems, const Session& session) {
     for (const std::string& name : names) {
       if (name.empty()) continue;
       std::string text = tree.whyNot(name);
+      if (text.empty() && !readBy(session.subject, name)) {
+        text = "has no effect on " + std::string(toString(session.subject));
+      }
       if (text.empty() && !seen.insert(name).second) text = "tuned twice";
       if (text.empty() && names.size() > 1 && tree.value(name) == 0.0) {
         text = "is 0 by default: ties keep a ratio, which is none";
@@ -196,7 +215,10 @@ void checkRecordings(
       if (session.subject == SubjectKind::kAmcl && r.map.empty() && r.scenario.empty()) {
         problem("amcl needs a map");
       }
-      if (wants(Measure::kRelations) && r.relations.empty()) problem("needs a relations file");
+      if (wants(Measure::kRelations) && measurable(session.subject, Measure::kRelations) &&
+          r.relations.empty()) {
+        problem("needs a relations file");
+      }
       if (r.scenario.empty()) continue;
       try {
         (void)sim::loadScenario(r.scenario, scenario_folder);

@@ -127,6 +127,37 @@ TEST(Engine, DefaultsThatCannotRunAreAnInputError) {
   EXPECT_THROW((void)tuned(twoParameters(), broken), InputError);
 }
 
+/// Recordings that decide cannot give what is measured: nothing is searched for.
+TEST(Engine, WhatValidationCannotGiveIsKnownBeforeTheSearch) {
+  class Mute : public FormulaSubject {
+   public:
+    using FormulaSubject::FormulaSubject;
+    [[nodiscard]] Outcome run(
+        const pipeline::Config& config,
+        Role role,
+        std::size_t drive,
+        std::uint64_t seed,
+        const std::string& folder) const override {
+      Outcome outcome = FormulaSubject::run(config, role, drive, seed, folder);
+      if (role == Role::kValidation && drive == 0) outcome.failure = "no fixes";
+      if (role == Role::kValidation && drive == 1) outcome.objectives.front().clear();
+      return outcome;
+    }
+  };
+  std::size_t candidates = 0;
+  Callbacks callbacks;
+  callbacks.status = [&candidates](const Status& s) { candidates += s.stage == "search" ? 1 : 0; };
+  try {
+    (void)tuned(twoParameters(), Mute(bowl), 1, "", callbacks);
+    ADD_FAILURE() << "was run";
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), HasSubstr("recordings.validation: validation 0: the defaults cannot be "
+                                    "run: no fixes"));
+    EXPECT_THAT(e.what(), HasSubstr("validation 1: the defaults give no number of ape"));
+  }
+  EXPECT_EQ(candidates, 0U);
+}
+
 /// Errors that no parameter changes: whatever the search finds is luck. The bar is 95 of 100; with
 /// a two-sided 95 % test and 5 % least gain about 1 in 100 gets through.
 TEST(Engine, APureNoiseObjectiveIsRefused) {

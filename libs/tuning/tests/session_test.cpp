@@ -88,6 +88,13 @@ TEST(Session, RangesMustBeWhatTheConfigurationTakes) {
       HasSubstr("a log scale needs a range above 0"));
 }
 
+TEST(Session, AParameterThatChangesNothingIsNotTuned) {
+  EXPECT_THAT(
+      complaint(replaced(
+          kGood, "ekf.gyro.noise_rad_sqrt_s, from: 0.0002", "mapping.filter.particles, from: 5")),
+      HasSubstr("s.yaml:2: parameters: mapping.filter.particles: has no effect on ekf"));
+}
+
 TEST(Session, ASetMayNotSeeTheSecondsOfAnother) {
   const std::string log = shipped("datasets/husky_gnss/test1.bag");
   const auto with = [&log](const std::string& training, const std::string& validation) {

@@ -15,6 +15,9 @@ struct OverviewStyle {
   std::string title;  ///< printed above the map; empty = no header (the report has its own)
   bool particles = true;
   bool ellipses = true;  ///< 95 % of the position covariance, at intervals
+  /// In the legend, where path and reference are something else; empty = modes and reference.
+  std::string path_words;
+  std::string reference_words;
 };
 
 /// A map of the run, north up: prior map, buildings and doors, raw fixes, particle snapshots,
