@@ -180,7 +180,7 @@ void sumPortable(
     const std::int32_t* y,
     std::size_t count,
     std::uint32_t* sum) {
-  for (std::size_t k = 0; k < count; ++k) sum[k] = sumOne<inside>(t, bx, by, 0, beams, x[k], y[k]);
+  for (std::size_t k = 0; k < count; ++k) sum[k] += sumOne<inside>(t, bx, by, 0, beams, x[k], y[k]);
 }
 
 #if VESTIBULE_HAS_AVX2_KERNELS
@@ -230,7 +230,7 @@ VESTIBULE_AVX2 void sumAvx2(
     _mm256_storeu_si256(reinterpret_cast<__m256i*>(lanes.data()), total);
     std::uint32_t all = sumOne<inside>(t, bx, by, whole, beams, x[k], y[k]);
     for (const std::uint32_t lane : lanes) all += lane;
-    sum[k] = all;
+    sum[k] += all;
   }
 }
 #endif

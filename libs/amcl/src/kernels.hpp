@@ -3,7 +3,6 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "vestibule/core/simd.hpp"
 
@@ -57,16 +56,9 @@ struct TableView {
 };
 inline constexpr int kFractionBits = 12;
 
-/// Beam ends turned into the grid's axes, fixed point; padded to kLanes by far-away beams that the
-/// caller subtracts (see sumOverBeams).
-struct TurnedBeams {
-  std::vector<std::int32_t> x;
-  std::vector<std::int32_t> y;
-};
-
-/// sum[k] = sum over the beams of table(position k + beam), for count positions. The beams' arrays
-/// hold `beams` entries, which may be any number.
-/// \param inside every sum of position and beam is known to fall into the table
+/// Adds to sum[k] the sum over the beams of table(position k + beam), for count positions. The
+/// beams' arrays hold `beams` entries, which may be any number. \param inside every sum of position
+/// and beam is known to fall into the table
 void sumOverBeams(
     const TableView& table,
     const std::int32_t* beam_x,

@@ -234,22 +234,22 @@ ScanReport Localizer::process(const LaserScan& scan) {
     report = s.particles.process(scan);
     s.watch(scan, report);
   }
-  if (!s.looking) return report;
-  s.search(scan, report);
-  report.T_map_base = pose();
-  if (!s.searching) return report;
-  report.trusted = false;
-  const std::vector<Place> places = s.global.places();
-  report.lost_probability = places.empty() ? 1.0 : 1.0 - places.front().weight;
-  if (!s.tracking && !places.empty()) {
-    report.inlier_share = places.front().inlier_share;
+  if (s.looking) {
+    s.search(scan, report);
+    report.T_map_base = pose();
   }
-  if (!s.tracking && s.observers != nullptr) {
+  if (s.searching) {
+    report.trusted = false;
+    const std::vector<Place> places = s.global.places();
+    report.lost_probability = places.empty() ? 1.0 : 1.0 - places.front().weight;
+    if (!s.tracking && !places.empty()) report.inlier_share = places.front().inlier_share;
+  }
+  if (s.observers != nullptr) {
     PoseEvent event;
     event.stamp = scan.stamp;
     event.source = PoseSource::kParticles;
-    event.mode = Mode::kLost;
-    event.T = pose();
+    event.mode = s.searching ? Mode::kLost : Mode::kIndoor;
+    event.T = report.T_map_base;
     s.observers->emit(event);
   }
   return report;

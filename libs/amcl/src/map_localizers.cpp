@@ -167,7 +167,16 @@ std::optional<ScanReport> MapLocalizers::process(const LaserScan& scan) {
     one.particles->initialise(impl_->modes(one, scan));
     impl_->wanted.reset();
   }
-  return one.particles->process(scan);
+  const ScanReport report = one.particles->process(scan);
+  if (impl_->observers != nullptr) {
+    PoseEvent event;
+    event.stamp = scan.stamp;
+    event.source = PoseSource::kParticles;
+    event.mode = Mode::kIndoor;
+    event.T = report.T_map_base;
+    impl_->observers->emit(event);
+  }
+  return report;
 }
 
 void MapLocalizers::process(const Point2& p_map_base, double sigma_m) {

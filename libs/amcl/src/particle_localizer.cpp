@@ -777,15 +777,7 @@ ScanReport ParticleLocalizer::process(const LaserScan& scan) {
   s.last_scan = scan.stamp;
   if (s.report.used) s.first_scan = false;
 
-  if (s.observers != nullptr) {
-    if (s.report.used) s.emitParticles(scan.stamp);
-    PoseEvent event;
-    event.stamp = scan.stamp;
-    event.source = PoseSource::kParticles;
-    event.mode = Mode::kIndoor;
-    event.T = s.report.T_map_base;
-    s.observers->emit(event);
-  }
+  if (s.observers != nullptr && s.report.used) s.emitParticles(scan.stamp);
   return s.report;
 }
 

@@ -15,6 +15,14 @@ namespace {
 constexpr std::size_t kYawBins = 1800;
 constexpr std::size_t kMinPiece = 4096;  // particles worth a thread
 
+enum class Reach { kInside, kDoubtful, kOutside };
+
+/// Whether all, some or none of [least, most] lie in [0, size).
+Reach reachOf(std::int32_t least, std::int32_t most, std::int32_t size) {
+  if (most < 0 || least >= size) return Reach::kOutside;
+  return least >= 0 && most < size ? Reach::kInside : Reach::kDoubtful;
+}
+
 /// Calls work(begin, end) on pieces of [0, n) whose ends are multiples of `grain`: a few per
 /// thread, and one for all where there is too little for several. Pieces must not depend on each
 /// other.
@@ -108,31 +116,41 @@ void ParticleSet::weigh(const std::vector<Point2>& ends) {
       const double yaw = (static_cast<double>(b) + 0.5) * (2.0 * kPi / kYawBins) - kPi;
       const auto c = static_cast<float>(std::cos(yaw));
       const auto sn = static_cast<float>(std::sin(yaw));
-      for (std::size_t k = 0; k < beams; ++k) {
-        const auto px = static_cast<float>(ends[k].x);
-        const auto py = static_cast<float>(ends[k].y);
-        beam_x[k] = table_.fixedLength(c * px - sn * py);
-        beam_y[k] = table_.fixedLength(sn * px + c * py);
+      const auto x = std::minmax_element(&s.x[from], &s.x[from] + (to - from));
+      const auto y = std::minmax_element(&s.y[from], &s.y[from] + (to - from));
+      // Beams that end in the table wherever in the bin the particle is go from the front, those
+      // that may end outside from the back. What always ends outside adds nothing: it is left out.
+      std::size_t sure = 0;
+      std::size_t doubtful = beams;
+      for (const Point2& end : ends) {
+        const auto px = static_cast<float>(end.x);
+        const auto py = static_cast<float>(end.y);
+        const std::int32_t bx = table_.fixedLength(c * px - sn * py);
+        const std::int32_t by = table_.fixedLength(sn * px + c * py);
+        const auto in_x = reachOf(*x.first + bx, *x.second + bx, table.width << kFractionBits);
+        const auto in_y = reachOf(*y.first + by, *y.second + by, table.height << kFractionBits);
+        if (in_x == Reach::kOutside || in_y == Reach::kOutside) continue;
+        const bool inside = in_x == Reach::kInside && in_y == Reach::kInside;
+        const std::size_t k = inside ? sure++ : --doubtful;
+        beam_x[k] = bx;
+        beam_y[k] = by;
       }
-      const auto reach_x = std::minmax_element(beam_x.begin(), beam_x.end());
-      const auto reach_y = std::minmax_element(beam_y.begin(), beam_y.end());
-      const auto at_x = std::minmax_element(&s.x[from], &s.x[from] + (to - from));
-      const auto at_y = std::minmax_element(&s.y[from], &s.y[from] + (to - from));
-      const bool inside = beams > 0 && *at_x.first + *reach_x.first >= 0 &&
-                          *at_y.first + *reach_y.first >= 0 &&
-                          *at_x.second + *reach_x.second < (table.width << kFractionBits) &&
-                          *at_y.second + *reach_y.second < (table.height << kFractionBits);
-      sumOverBeams(
-          table,
-          beam_x.data(),
-          beam_y.data(),
-          beams,
-          &s.x[from],
-          &s.y[from],
-          to - from,
-          inside,
-          &s.sum[from],
-          simd_);
+      const auto add = [&](std::size_t first, std::size_t last, bool inside) {
+        sumOverBeams(
+            table,
+            beam_x.data() + first,
+            beam_y.data() + first,
+            last - first,
+            &s.x[from],
+            &s.y[from],
+            to - from,
+            inside,
+            &s.sum[from],
+            simd_);
+      };
+      std::fill(&s.sum[from], &s.sum[from] + (to - from), 0U);
+      add(0, sure, true);
+      if (doubtful < beams) add(doubtful, beams, false);
       for (std::size_t k = from; k < to; ++k) {
         log_likelihoods_[s.order[k]] = table_.logLikelihood(s.sum[k], beams);
       }

@@ -7,6 +7,7 @@
 
 #include "matchers.hpp"
 #include "vestibule/amcl/localizer.hpp"
+#include "vestibule/core/events.hpp"
 #include "vestibule/core/random.hpp"
 #include "vestibule/grid/ray_caster.hpp"
 
@@ -253,22 +254,37 @@ TEST(GlobalLocalizer, GivesTheSamePlacesForAnyNumberOfThreads) {
   }
 }
 
+/// Counts poses by what they are worth.
+struct PoseModes : Observer {
+  int indoor = 0;
+  int lost = 0;
+  void onPose(const PoseEvent& event) override { ++(event.mode == Mode::kLost ? lost : indoor); }
+};
+
 TEST(Localizer, NoticesThatItWasCarriedAwayAndFindsItself) {
   Robot robot(fourRooms(), {3.5, 7.2, 0.0});
   AmclParams params;
   params.global = oneThread();
-  Localizer localizer(params, robot.map, 5);
+  PoseModes modes;
+  Observers observers;
+  observers.attach(modes);
+  Localizer localizer(params, robot.map, 5, &observers);
   localizer.startAt({robot.truth(), Eigen::Vector3d(0.02, 0.02, 0.005).asDiagonal()});
   robot.goTo({9.0, 7.2}, localizer);
   EXPECT_FALSE(localizer.searching());
+  EXPECT_EQ(modes.lost, 0);
+  const int before = modes.indoor;
+  EXPECT_GT(before, 0);
   // WHEN somebody carries it into a room and turns it round
   robot.T_grid_base = {20.0, 3.0, 2.0};
   robot.goTo({21.0, 5.0}, localizer);
   robot.goTo({21.0, 7.2}, localizer);
   robot.goTo({6.0, 7.2}, localizer);
   robot.goTo({3.5, 7.2}, localizer);
-  // THEN it has searched, and is right again
+  // THEN it has searched, called its poses lost while it did, and is right again
   EXPECT_GE(localizer.recoveries(), 1);
+  EXPECT_GT(modes.lost, 0);
+  EXPECT_GT(modes.indoor, before);
   EXPECT_FALSE(localizer.searching());
   EXPECT_THAT(localizer.pose().mean, poseNear(robot.truth(), 0.1, 0.03));
 }

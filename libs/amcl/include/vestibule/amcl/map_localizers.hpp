@@ -15,7 +15,7 @@ namespace vestibule::amcl {
 /// with it until the robot is back.
 class MapLocalizers {
  public:
-  /// \param observers may be null, see ParticleLocalizer
+  /// \param observers may be null; receives what ParticleLocalizer emits and a PoseEvent per scan
   MapLocalizers(const AmclParams& params, std::uint64_t seed, const Observers* observers = nullptr);
   ~MapLocalizers();
 

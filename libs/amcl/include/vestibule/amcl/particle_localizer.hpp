@@ -51,7 +51,8 @@ enum class YawSource { kWheels, kGyro };
 class ParticleLocalizer {
  public:
   /// \param map in the frame the poses shall be in; shared, never changed
-  /// \param observers may be null; receives UpdateEvent, ParticlesEvent and PoseEvent
+  /// \param observers may be null; receives UpdateEvent, ParticlesEvent and WarningEvent; poses are
+  ///   for the owner to tell, who knows whether they count
   ParticleLocalizer(
       const AmclParams& params,
       std::shared_ptr<const grid::OccupancyMap> map,
