@@ -9,6 +9,7 @@
 #include "runs.hpp"
 #include "terminal.hpp"
 #include "vestibule/core/errors.hpp"
+#include "vestibule/core/memory.hpp"
 #include "vestibule/io/map_io.hpp"
 #include "vestibule/io/simple_map.hpp"
 #include "vestibule/pipeline/map.hpp"
@@ -177,6 +178,7 @@ void keepMemorySmall() {
   mallopt(M_MMAP_THRESHOLD, kLarge);
   mallopt(M_TRIM_THRESHOLD, kLarge);
 #endif
+  giveBackLibraryPages();
 }
 
 void check(const MapArguments& args, bool known_poses) {

@@ -13,8 +13,13 @@
 
 #include "cli_fixture.hpp"
 #include "room_log.hpp"
+#include "vestibule/core/angles.hpp"
+#include "vestibule/core/random.hpp"
+#include "vestibule/geo/tangent_plane.hpp"
 #include "vestibule/grid/occupancy_map.hpp"
 #include "vestibule/io/map_io.hpp"
+#include "vestibule/io/rawlog_writer.hpp"
+#include "vestibule/io/recording.hpp"
 #include "vestibule/io/simple_map.hpp"
 #include "vestibule/io/trajectory.hpp"
 
@@ -205,6 +210,52 @@ TEST_F(MapDrive, FinishRefinesAllPosesAndSaysWhatItClosed) {
   EXPECT_EQ(
       io::readSimpleMap(path("out/map.simplemap")).size(), finish["key_scans"].get<std::size_t>());
   EXPECT_THAT(readFile(path("out/report.html")), HasSubstr("places recognised again"));
+}
+
+TEST_F(MapDrive, GeoreferenceIsWrittenOrRefused) {
+  // GIVEN the drive with a fix at every scan, turned by 30 degrees from the map that it will make
+  const geo::TangentPlane plane({45.0, 7.0, 200.0});
+  const double turn_rad = degToRad(30.0);
+  const auto recordWith = [&](GnssFixType type, double sigma_m) {
+    const std::string recording = path("gnss.rawlog");
+    io::RawlogWriter writer(recording);
+    RandomStream rng(1, "fixes");
+    const auto reader = io::openRecording(path("raw.log"), {});
+    std::size_t scan = 0;
+    while (const auto record = reader->next()) {
+      writer.write(record->measurement, record->source);
+      if (!std::holds_alternative<LaserScan>(record->measurement)) continue;
+      const Pose2 moved = between(drive_.poses.front(), drive_.poses[scan]);
+      const Point2 p = transform(Pose2{0.0, 0.0, turn_rad}, {moved.x, moved.y});
+      GnssFix fix;
+      fix.stamp = drive_.stamps[scan++];
+      fix.type = type;
+      fix.position =
+          plane.toGeodetic({p.x + rng.normal(0.0, sigma_m), p.y + rng.normal(0.0, sigma_m), 0.0});
+      writer.write(fix, "GNSS");
+    }
+    writer.close();
+    return recording;
+  };
+  // WHEN the fixes are to centimetres
+  const std::string good = recordWith(GnssFixType::kRtkFixed, 0.02);
+  ASSERT_EQ(run({"map", good, "--georeference", "--out", path("good")}).exit_code, 0);
+  // THEN the map knows where it lies
+  const json georeference = summary("good")["georeference"];
+  EXPECT_NEAR(georeference["T_map_grid"][2], 30.0, 2.0);
+  EXPECT_LT(georeference["sigma_yaw_deg"], 15.0);
+  EXPECT_THAT(readFile(path("good/map.yaml")), HasSubstr("georeference:"));
+  // WHEN they are to metres, in a room of a few metres
+  const std::string poor = recordWith(GnssFixType::kSingle, 2.0);
+  const CommandResult refused = run({"map", poor, "--georeference", "--out", path("poor")});
+  // THEN they do not tell its heading, and nothing is written
+  EXPECT_EQ(refused.exit_code, 3);
+  EXPECT_THAT(
+      refused.err,
+      testing::ContainsRegex(
+          "140 GNSS fixes near scans leave the map's heading open to \\+-[0-9]+ deg"));
+  EXPECT_THAT(refused.err, HasSubstr("leave --georeference out"));
+  expectNoOutput("poor");
 }
 
 TEST_F(MapDrive, GmappingParametersByTheirNames) {

@@ -12,6 +12,8 @@ namespace {
 // A SICK LMS writes its error codes (dazzled, no echo, ...) as 8183..8191 cm.
 constexpr double kSickErrorCodes_m = 81.825;
 constexpr std::size_t kMountProbeLines = 20;
+// So many scan lines are looked at for the front laser, where other lasers come first.
+constexpr std::size_t kLaserProbeLines = 500;
 constexpr double kMountTolerance_m = 0.02;
 constexpr double kMountTolerance_rad = 0.01;
 constexpr double kMountLimit_m = 1.0;
@@ -25,6 +27,36 @@ constexpr std::array<std::string_view, 22> kKeywords{
     "LASER4",    "LASER5",    "TRUEPOS",   "RAWLASER1",   "RAWLASER2",   "RAWLASER3",
     "RAWLASER4", "RAWLASER5", "NEFF",      "ROBOTLASER0", "ROBOTLASER1", "ROBOTLASER2",
     "NMEAGGA",   "NMEARMC",   "IPC_DELTA", "MARKER"};
+
+/// Scan lines by the laser that is read where a log has several: the front one, else the rear one,
+/// else the first of those that were recorded as they came, without poses.
+constexpr std::array<std::pair<std::string_view, std::size_t>, 10> kLasers{
+    {{"FLASER", 0},
+     {"ROBOTLASER1", 0},
+     {"L", 0},
+     {"RLASER", 1},
+     {"ROBOTLASER2", 1},
+     {"RAWLASER1", 2},
+     {"RAWLASER2", 3},
+     {"RAWLASER3", 4},
+     {"RAWLASER4", 5},
+     {"RAWLASER5", 6}}};
+constexpr std::size_t kFrontLaser = 0;
+constexpr std::size_t kRearLaser = 1;
+constexpr std::size_t kRanks = 7;
+
+/// Empty for other lines.
+std::optional<std::size_t> laserRank(std::string_view keyword) {
+  for (const auto& [name, rank] : kLasers) {
+    if (name == keyword) return rank;
+  }
+  return std::nullopt;
+}
+
+// Behind the line's keyword, in the notes.
+constexpr const char* kMountUnknown =
+    " lines do not say where the laser sits: taken to look ahead (a rear laser: back) from the "
+    "robot's centre, unless the configuration's rig.laser says more";
 
 /// Words of one line, taken in order with checks that name the place.
 class Fields {
@@ -80,8 +112,8 @@ class Fields {
 struct Line {
   std::optional<LaserScan> scan;
   std::optional<Pose2> T_odom_laser;
+  std::optional<Pose2> T_odom_base;  ///< RAWLASER lines have none
   Timestamp stamp;
-  Pose2 T_odom_base;
 };
 
 // With an odd count the beams span the half circle; with an even one the last stops one step short
@@ -99,7 +131,7 @@ double snappedStep(double step_rad) {
   return std::abs(snapped - step_rad) < 2e-6 ? snapped : step_rad;
 }
 
-// FLASER n r1..rn  laser x y theta  robot x y theta  ipc_time host logger_time
+// FLASER or RLASER: n r1..rn  laser x y theta  robot x y theta  ipc_time host logger_time
 Line parseFlaser(const Fields& f) {
   f.expectWords(2);
   const std::size_t n = f.count(1);
@@ -116,16 +148,18 @@ Line parseFlaser(const Fields& f) {
   return line;
 }
 
-// ROBOTLASER1 type start fov step max_range accuracy remission_mode n r1..rn m e1..em
-//   laser x y theta  robot x y theta  tv rv forward_dist side_dist turn_axis ipc_time host logger
-Line parseRobotLaser(const Fields& f) {
+/// The device and its readings in a ROBOTLASER or RAWLASER line:
+/// type start fov step max_range accuracy remission_mode n r1..rn m e1..em
+/// \param words_after  that the line has behind them
+/// \param end          set to the word behind them
+LaserScan parseReadings(const Fields& f, std::size_t words_after, std::size_t& end) {
   f.expectWords(9);
   const std::size_t n = f.count(8);
   f.expectWords(10 + n);
   const std::size_t m = f.count(9 + n);
-  f.expectWords(24 + n + m);
-  Line line;
-  LaserScan& scan = line.scan.emplace();
+  end = 10 + n + m;
+  f.expectWords(end + words_after);
+  LaserScan scan;
   // The field of view in the line is the device's, also where it sends every second set of beams:
   // start and step are what places a beam.
   scan.angle_min_rad = f.number(2);
@@ -134,10 +168,27 @@ Line parseRobotLaser(const Fields& f) {
   if (!(scan.range_max_m > 0.0)) f.fail(5, "a positive maximum range");
   scan.ranges_m.reserve(n);
   for (std::size_t i = 0; i < n; ++i) scan.ranges_m.push_back(static_cast<float>(f.range(9 + i)));
-  const std::size_t p = 10 + n + m;
+  return scan;
+}
+
+// ROBOTLASER1 or ROBOTLASER2: readings  laser x y theta  robot x y theta
+//   tv rv forward_dist side_dist turn_axis ipc_time host logger
+Line parseRobotLaser(const Fields& f) {
+  std::size_t p = 0;
+  Line line;
+  line.scan = parseReadings(f, 14, p);
   line.T_odom_laser = f.pose(p);
   line.T_odom_base = f.pose(p + 3);
   line.stamp = f.stamp(p + 11);
+  return line;
+}
+
+// RAWLASERn: readings  ipc_time host logger_time
+Line parseRawLaser(const Fields& f) {
+  std::size_t p = 0;
+  Line line;
+  line.scan = parseReadings(f, 3, p);
+  line.stamp = f.stamp(p);
   return line;
 }
 
@@ -202,7 +253,7 @@ class CarmenReader : public RecordingReader {
  public:
   CarmenReader(std::unique_ptr<ByteStream> stream, const RecordingOptions& options)
       : lines_(std::move(stream)), rig_(options.rig) {
-    probeMount();
+    probeLaser();
   }
 
   std::optional<Record> next() override {
@@ -216,7 +267,8 @@ class CarmenReader : public RecordingReader {
         if (!any_) {
           throw InputError(
               lines_.name() + ":" + std::to_string(lines_.lineNumber()) +
-              ": end of the log without any laser or odometry line (FLASER, ROBOTLASER1, ODOM)");
+              ": end of the log without any laser or odometry line (FLASER, RLASER, ROBOTLASER, "
+              "RAWLASER, ODOM)");
         }
         return std::nullopt;
       }
@@ -245,11 +297,10 @@ class CarmenReader : public RecordingReader {
       if (words_.empty() || words_[0].front() == '#') continue;
       const Fields f(words_, lines_);
       keyword_ = words_[0];
-      if (keyword_ == "FLASER") return parseFlaser(f);
-      if (keyword_ == "ROBOTLASER1") return parseRobotLaser(f);
+      const auto rank = laserRank(keyword_);
+      if (rank && rank == rank_.value_or(*rank)) return parseScan(f);
       if (keyword_ == "ODOM") return parseOdom(f);
       if (keyword_ == "O") return parseWeanOdometry(f);
-      if (keyword_ == "L") return parseWeanLaser(f, words_.size());
       if (keyword_ == "PARAM") continue;
       for (const char c : keyword_) {
         if (c < ' ' || c > '~') {
@@ -263,10 +314,17 @@ class CarmenReader : public RecordingReader {
     return std::nullopt;
   }
 
+  [[nodiscard]] Line parseScan(const Fields& f) const {
+    if (keyword_ == "L") return parseWeanLaser(f, words_.size());
+    if (keyword_ == "FLASER" || keyword_ == "RLASER") return parseFlaser(f);
+    if (keyword_.rfind("RAWLASER", 0) == 0) return parseRawLaser(f);
+    return parseRobotLaser(f);
+  }
+
   /// The robot pose of an L line is the odometry at the time of the scan, between O lines before
   /// it; its stamp is when it was written. O lines wait for the scans that were taken before them.
   void hold(const Line& line) {
-    ahead_.push_back({lines_.lineNumber(), line.stamp, line.T_odom_base});
+    ahead_.push_back({lines_.lineNumber(), line.stamp, *line.T_odom_base});
     std::size_t too_old = 0;
     while (toSeconds(line.stamp - ahead_[too_old].stamp) > kLongestDelay_s) ++too_old;
     handOut(too_old);
@@ -287,29 +345,32 @@ class CarmenReader : public RecordingReader {
     std::size_t before = ahead_.size();  // O lines before the scan
     for (std::size_t k = ahead_.size(); k-- > 0;) {
       if (k == 0 && !last_) break;
-      const auto passed = passedAt(line.T_odom_base, k > 0 ? ahead_[k - 1] : *last_, ahead_[k]);
+      const auto passed = passedAt(*line.T_odom_base, k > 0 ? ahead_[k - 1] : *last_, ahead_[k]);
       if (!passed) continue;
       before = k;
       line.stamp = *passed;
       break;
     }
     handOut(before);
-    last_ = PathPoint{lines_.lineNumber(), line.stamp, line.T_odom_base};
+    last_ = PathPoint{lines_.lineNumber(), line.stamp, *line.T_odom_base};
   }
 
   void push(Line& line) {
     const std::size_t number = lines_.lineNumber();
-    if (auto increment = odometry_.next(line.stamp, line.T_odom_base)) {
-      queue_.push_back({number, keyword_, *increment});
+    if (line.T_odom_base) {
+      if (auto increment = odometry_.next(line.stamp, *line.T_odom_base)) {
+        queue_.push_back({number, keyword_, *increment});
+      }
     }
     if (!line.scan) return;
     LaserScan& scan = *line.scan;
     scan.stamp = line.stamp;
     scan.T_log_base = line.T_odom_base;
     scan.T_base_laser = rig_.T_base_laser;
-    if (mount_from_log_ && !agrees(between(line.T_odom_base, *line.T_odom_laser))) {
+    if (mount_from_log_ && !agrees(between(*line.T_odom_base, *line.T_odom_laser))) {
       notes_.add("laser pose beside the scan not at the laser's place on the robot", number);
     }
+    if (mount_unknown_) notes_.add(keyword_ + kMountUnknown, number);
     queue_.push_back({number, keyword_, std::move(scan)});
   }
 
@@ -318,35 +379,58 @@ class CarmenReader : public RecordingReader {
            std::abs(angleDiff(T_base_laser.phi, rig_.T_base_laser.phi)) <= kMountTolerance_rad;
   }
 
-  /// Where the laser sits follows from the two poses of a line, if the first lines agree on it.
-  /// Two equal poses say nothing: most recorders without a known offset write those.
-  void probeMount() {
-    const SensorRig given = rig_;
+  /// Which laser is read: the first by rank of those in the first lines.
+  void probeLaser() {
+    std::array<std::vector<std::optional<Pose2>>, kRanks> mounts;  // of the first scans of each
     std::size_t seen = 0;
-    bool constant = true;
     try {
-      while (seen < kMountProbeLines && constant) {
+      while (mounts[kFrontLaser].size() < kMountProbeLines && seen < kLaserProbeLines) {
         const auto line = nextLine();
         if (!line) break;
         if (!line->scan) continue;
-        const Pose2 T_base_laser = between(line->T_odom_base, *line->T_odom_laser);
-        if (seen == 0) rig_.T_base_laser = T_base_laser;
-        constant = agrees(T_base_laser);
         ++seen;
+        auto& of_laser = mounts[*laserRank(keyword_)];
+        if (of_laser.size() == kMountProbeLines) continue;
+        of_laser.push_back(
+            line->T_odom_laser ? std::optional(between(*line->T_odom_base, *line->T_odom_laser))
+                               : std::nullopt);
       }
     } catch (const InputError&) {
       // A damaged line: next() will come to it and say so.
     }
-    const double offset_m = translationNorm(rig_.T_base_laser);
-    const bool carried = offset_m > 1e-6 || std::abs(rig_.T_base_laser.phi) > 1e-6;
-    mount_from_log_ = seen > 0 && constant && carried && offset_m < kMountLimit_m;
-    if (!mount_from_log_) rig_ = given;
     lines_.rewind();
     notes_ = {};
+    rank_ = kFrontLaser;
+    for (std::size_t rank = kRanks; rank-- > 0;) {
+      if (!mounts[rank].empty()) rank_ = rank;
+    }
+    chooseMount(mounts[*rank_]);
+  }
+
+  /// Where the laser sits follows from the two poses of a line, if the first lines agree on it.
+  /// Two equal poses say nothing: most recorders without a known offset write those.
+  void chooseMount(const std::vector<std::optional<Pose2>>& T_base_laser) {
+    if (T_base_laser.empty()) return;
+    const SensorRig given = rig_;
+    rig_.T_base_laser = T_base_laser.front().value_or(Pose2{});
+    const bool constant = std::all_of(
+        T_base_laser.begin(), T_base_laser.end(), [this](const std::optional<Pose2>& T) {
+          return T && agrees(*T);
+        });
+    const double offset_m = translationNorm(rig_.T_base_laser);
+    const bool carried = offset_m > 1e-6 || std::abs(rig_.T_base_laser.phi) > 1e-6;
+    mount_from_log_ = constant && carried && offset_m < kMountLimit_m;
+    if (mount_from_log_) return;
+    rig_ = given;
+    const bool configured =
+        translationNorm(given.T_base_laser) > 0.0 || given.T_base_laser.phi != 0.0;
+    mount_unknown_ = *rank_ != kFrontLaser && !configured;
+    if (mount_unknown_ && *rank_ == kRearLaser) rig_.T_base_laser.phi = kPi;
   }
 
   LineReader lines_;
   SensorRig rig_;
+  std::optional<std::size_t> rank_;  // of the laser that is read; empty while probing
   std::vector<std::string_view> words_;
   std::string keyword_;
   OdometryDifferencer odometry_;
@@ -355,6 +439,7 @@ class CarmenReader : public RecordingReader {
   std::optional<PathPoint> last_;  // handed out, of O and L lines
   Notes notes_;
   bool mount_from_log_ = false;
+  bool mount_unknown_ = false;
   bool any_ = false;
 };
 

@@ -73,6 +73,58 @@ TEST(Carmen, RobotLaserUsesItsOwnStart) {
   EXPECT_THAT(scan.T_base_laser, poseNear(Pose2{0.22, 0.0, 0.0}, 1e-9, 1e-9));
 }
 
+/// The same line of another laser.
+std::string as(const std::string& keyword, const std::string& line) {
+  return keyword + line.substr(line.find(' '));
+}
+
+TEST(Carmen, RearLaserIsReadWhereThereIsNoFrontOne) {
+  const auto folder = testFolder();
+  const std::string front = flaser("0.2 0 0", "0 0 0", "1.0");
+  const std::string rear = as("RLASER", flaser("-0.3 0 3.141593", "0 0 0", "1.0", 3));
+  // GIVEN both lasers: the front one is read, also where it comes second
+  const auto both = readAll(writeFile(folder / "both.log", rear + front));
+  ASSERT_EQ(both.size(), 1U);
+  EXPECT_EQ(both[0].source, "FLASER");
+  // GIVEN the rear one alone: it is read, at its own place
+  const auto alone = readAll(writeFile(folder / "rear.log", rear));
+  ASSERT_EQ(alone.size(), 1U);
+  const auto& scan = std::get<LaserScan>(alone[0].measurement);
+  EXPECT_EQ(scan.ranges_m.size(), 3U);
+  EXPECT_THAT(scan.T_base_laser, poseNear(Pose2{-0.3, 0.0, kPi}, 1e-5, 1e-5));
+  // GIVEN that its place is not said: it looks back, and a note says so
+  const auto reader = openRecording(
+      writeFile(folder / "where.log", as("RLASER", flaser("1 1 0", "1 1 0", "1.0"))), {});
+  const auto record = reader->next();
+  ASSERT_TRUE(record);
+  EXPECT_THAT(
+      std::get<LaserScan>(record->measurement).T_base_laser,
+      poseNear(Pose2{0.0, 0.0, kPi}, 1e-9, 1e-9));
+  EXPECT_THAT(reader->notes(), testing::ElementsAre(HasSubstr("rig.laser")));
+}
+
+TEST(Carmen, RawLaserTakesItsOdometryFromOdomLines) {
+  const auto folder = testFolder();
+  const std::string raw =
+      "RAWLASER2 0 -1.570796 3.141593 0.017453 81.9 0.01 0 2 1.5 2.5 0 1.2 host 1.0\n";
+  const std::string odometry = "ODOM 0 0 0 0 0 0 1.0 host 0.1\nODOM 1 0 0 0 0 0 1.1 host 0.2\n";
+  const auto records = readAll(writeFile(folder / "raw.log", odometry + raw));
+  ASSERT_EQ(records.size(), 2U);
+  EXPECT_EQ(records[0].source, "ODOM");
+  const auto& scan = std::get<LaserScan>(records[1].measurement);
+  EXPECT_EQ(scan.stamp.ns, 1200000000);
+  EXPECT_FALSE(scan.T_log_base) << "the line carries no pose";
+  EXPECT_FLOAT_EQ(scan.ranges_m.at(1), 2.5F);
+  // A log that has the same readings with poses is read by those.
+  const auto merged =
+      readAll(writeFile(folder / "merged.log", odometry + raw + flaser("0 0 0", "1 0 0", "1.2")));
+  ASSERT_EQ(merged.size(), 3U);
+  EXPECT_EQ(merged[2].source, "FLASER");
+  EXPECT_THAT(
+      inputError(writeFile(folder / "cut.log", raw.substr(0, raw.find(" 1.2 host")))),
+      HasSubstr("cut.log:1: RAWLASER2 line has 11 words instead of 14"));
+}
+
 TEST(Carmen, ReadsCentimetreLogs) {
   const std::string path = writeFile(
       testFolder() / "wean.log",

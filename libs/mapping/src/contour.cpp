@@ -160,28 +160,40 @@ Contour::Look Contour::look(const Point2& p_base, double gate_m) const {
   const double width = gate_m / std::max(range * std::abs(step_rad_), 1e-3);
   const int half = std::min(static_cast<int>(width) + 1, kMaxLook);
   double best = gate_m * gate_m;
-  bool all_behind = true;
-  bool any_behind = false;
+  const auto compare = [&](const ContourPoint& q) {
+    const double ex = double{q.x} - p_base.x;
+    const double ey = double{q.y} - p_base.y;
+    const double d2 = ex * ex + ey * ey;
+    if (d2 < best && q.range_m > 0.0F) {
+      best = d2;
+      result.nearest = &q;
+    }
+  };
+  const int n = static_cast<int>(beams_.size());
+  if (k0 >= half && k0 + half < n) {
+    const ContourPoint* first = beams_.data() + (k0 - half);
+    std::for_each(first, first + (2 * half + 1), compare);
+  } else {
+    for (int k = k0 - half; k <= k0 + half; ++k) {
+      if (const int w = wrapped(k); w >= 0) compare(beams_[static_cast<std::size_t>(w)]);
+    }
+  }
+  result.seen_through = result.nearest == nullptr && sawBehind(k0, range);
+  return result;
+}
+
+bool Contour::sawBehind(int k0, double range) const {
   const double behind = range + kThrough_m + kThroughShare * range;
-  for (int k = k0 - half; k <= k0 + half; ++k) {
+  bool any_behind = false;
+  for (int k = k0 - 1; k <= k0 + 1; ++k) {
     const int w = wrapped(k);
     if (w < 0) continue;
     const ContourPoint& q = beams_[static_cast<std::size_t>(w)];
     if (q.range_m <= 0.0F) continue;
-    const double ex = double{q.x} - p_base.x;
-    const double ey = double{q.y} - p_base.y;
-    const double d2 = ex * ex + ey * ey;
-    if (d2 < best) {
-      best = d2;
-      result.nearest = &q;
-    }
-    if (std::abs(k - k0) <= 1) {
-      any_behind = any_behind || q.range_m > behind;
-      all_behind = all_behind && q.range_m > behind;
-    }
+    if (!(q.range_m > behind)) return false;
+    any_behind = true;
   }
-  result.seen_through = result.nearest == nullptr && any_behind && all_behind;
-  return result;
+  return any_behind;
 }
 
 bool sameSide(const ContourPoint& p, const ContourPoint& q, double cos_q_p, double sin_q_p) {

@@ -66,6 +66,8 @@ class Contour {
   void findLines();
   void sample();
   [[nodiscard]] int wrapped(int k) const;
+  /// All beams around number k0 ended well behind a point at that range.
+  [[nodiscard]] bool sawBehind(int k0, double range) const;
 
   Pose2 T_base_laser_;
   double middle_cos_ = 1.0;  // of the middle of the beams' directions, in the base frame

@@ -6,7 +6,6 @@
 #include <queue>
 #include <set>
 
-#include "relocate.hpp"
 #include "vestibule/core/parallel.hpp"
 #include "vestibule/metrics/statistics.hpp"
 
@@ -148,12 +147,42 @@ std::vector<LoopCloser::Candidate> LoopCloser::candidates(
   return all;
 }
 
+std::vector<std::vector<LoopCloser::Found>> LoopCloser::compareAll(
+    const std::vector<Candidate>& open,
+    const std::vector<Pose2>& T_map_key,
+    const ShareDone& progress) const {
+  std::vector<std::vector<Found>> found(open.size());
+  std::vector<std::size_t> first;  // of the candidates of each target
+  for (std::size_t i = 0; i < open.size(); ++i) {
+    if (i == 0 || open[i].target != open[i - 1].target) first.push_back(i);
+  }
+  first.push_back(open.size());
+  constexpr std::size_t kBatch = 32;  // targets between two reports
+  const std::size_t targets = first.size() - 1;
+  for (std::size_t begin = 0; begin < targets; begin += kBatch) {
+    const std::size_t n = std::min(kBatch, targets - begin);
+    parallelFor(n, threadCount(params_.threads), [&](std::size_t k) {
+      const std::size_t from = first[begin + k];
+      const Cluster a = clusterOf(submaps_[open[from].target], keys_, T_map_key, kTargetScans);
+      PlaceFinder places(a);
+      for (std::size_t i = from; i < first[begin + k + 1]; ++i) {
+        found[i] = compare(open[i], a, places, T_map_key);
+      }
+    });
+    if (progress)
+      progress(static_cast<double>(first[begin + n]) / static_cast<double>(open.size()));
+  }
+  return found;
+}
+
 std::vector<LoopCloser::Found> LoopCloser::compare(
-    const Candidate& candidate, const std::vector<Pose2>& T_map_key) const {
+    const Candidate& candidate,
+    const Cluster& a,
+    PlaceFinder& places,
+    const std::vector<Pose2>& T_map_key) const {
   const ClosureParams& p = params_.closures;
   const Submap& target = submaps_[candidate.target];
   const Submap& query = submaps_[candidate.query];
-  const Cluster a = clusterOf(target, keys_, T_map_key, kTargetScans);
   const Cluster b = clusterOf(query, keys_, T_map_key, kQueryScans);
   AlignmentParams alignment{params_.refine.sigma_m, 0.4, params_.refine.effective_points};
   const auto good = [&](const Overlap& o) {
@@ -181,7 +210,7 @@ std::vector<LoopCloser::Found> LoopCloser::compare(
     search.min_score = p.min_score;
     search.max_matches = 4;
     std::vector<Fit> fits;
-    for (const Place& place : findPlaces(a, b, candidate.predicted.mean, search)) {
+    for (const Place& place : places.find(b, candidate.predicted.mean, search)) {
       fits.push_back(fitAt(place.T_a_b));
     }
     for (const Fit& fit : fits) {
@@ -284,20 +313,12 @@ std::vector<PoseConstraint> LoopCloser::graph() const {
 std::vector<Pose2> LoopCloser::run(std::vector<Pose2> T_map_key, const ShareDone& progress) {
   for (int round = 0; round < params_.closures.rounds; ++round) {
     const std::vector<Candidate> open = candidates(T_map_key);
-    std::vector<std::vector<Found>> of_candidate(open.size());
-    constexpr std::size_t kBatch = 256;  // between two reports
-    for (std::size_t begin = 0; begin < open.size(); begin += kBatch) {
-      const std::size_t n = std::min(kBatch, open.size() - begin);
-      parallelFor(n, threadCount(params_.threads), [&](std::size_t i) {
-        of_candidate[begin + i] = compare(open[begin + i], T_map_key);
-      });
-      if (progress) {
-        const double share = static_cast<double>(begin + n) / static_cast<double>(open.size());
-        progress((round + share) / params_.closures.rounds);
-      }
-    }
     std::vector<Found> found;
-    for (auto& some : of_candidate) found.insert(found.end(), some.begin(), some.end());
+    for (auto& some : compareAll(open, T_map_key, [&](double share) {
+           if (progress) progress((round + share) / params_.closures.rounds);
+         })) {
+      found.insert(found.end(), some.begin(), some.end());
+    }
     vote(found, T_map_key);
     closures_.clear();
     bool any_new = false;

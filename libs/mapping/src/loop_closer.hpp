@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "relocate.hpp"
 #include "submaps.hpp"
 #include "vestibule/mapping/finish.hpp"
 
@@ -40,8 +41,18 @@ class LoopCloser {
   [[nodiscard]] std::vector<PoseWithCovariance> ways(
       std::size_t from_key, const std::vector<std::vector<std::size_t>>& edges_of_key) const;
   [[nodiscard]] std::vector<Candidate> candidates(const std::vector<Pose2>& T_map_key) const;
+  /// What was found for each of the candidates. \param open  by target
+  [[nodiscard]] std::vector<std::vector<Found>> compareAll(
+      const std::vector<Candidate>& open,
+      const std::vector<Pose2>& T_map_key,
+      const ShareDone& progress) const;
+  /// \param a       cluster of the candidate's target
+  /// \param places  on it
   [[nodiscard]] std::vector<Found> compare(
-      const Candidate& candidate, const std::vector<Pose2>& T_map_key) const;
+      const Candidate& candidate,
+      const Cluster& a,
+      PlaceFinder& places,
+      const std::vector<Pose2>& T_map_key) const;
   void vote(std::vector<Found>& found, const std::vector<Pose2>& T_map_key) const;
 
   const std::vector<KeyScan>& keys_;

@@ -8,6 +8,7 @@
 namespace vestibule::mapping {
 namespace {
 
+constexpr double kCell_m = 0.1;
 constexpr double kReach_m = 15.0;      // farther points are left out
 constexpr double kMargin_m = 1.0;      // of the field around the points
 constexpr double kSeparation_m = 0.6;  // of two places
@@ -23,7 +24,7 @@ std::vector<Point2> pointsOf(const Cluster& cluster, double reach_m) {
 }
 
 /// exp(-d^2 / 2 cell^2) of the distance to the nearest point.
-grid::ScoreField fieldOf(const std::vector<Point2>& points, double cell_m) {
+grid::ScoreField fieldOf(const std::vector<Point2>& points) {
   Point2 low{1e9, 1e9};
   Point2 high{-1e9, -1e9};
   for (const Point2& p : points) {
@@ -31,17 +32,17 @@ grid::ScoreField fieldOf(const std::vector<Point2>& points, double cell_m) {
     high = {std::max(high.x, p.x), std::max(high.y, p.y)};
   }
   low = {low.x - kMargin_m, low.y - kMargin_m};
-  const int width = static_cast<int>((high.x + kMargin_m - low.x) / cell_m) + 1;
-  const int height = static_cast<int>((high.y + kMargin_m - low.y) / cell_m) + 1;
+  const int width = static_cast<int>((high.x + kMargin_m - low.x) / kCell_m) + 1;
+  const int height = static_cast<int>((high.y + kMargin_m - low.y) / kCell_m) + 1;
   std::vector<float> scores(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
-  const double scale = -0.5 / (cell_m * cell_m);
+  const double scale = -0.5 / (kCell_m * kCell_m);
   for (const Point2& p : points) {
-    const int cx = static_cast<int>((p.x - low.x) / cell_m);
-    const int cy = static_cast<int>((p.y - low.y) / cell_m);
+    const int cx = static_cast<int>((p.x - low.x) / kCell_m);
+    const int cy = static_cast<int>((p.y - low.y) / kCell_m);
     for (int iy = std::max(0, cy - 2); iy <= std::min(height - 1, cy + 2); ++iy) {
       for (int ix = std::max(0, cx - 2); ix <= std::min(width - 1, cx + 2); ++ix) {
-        const double dx = low.x + (ix + 0.5) * cell_m - p.x;
-        const double dy = low.y + (iy + 0.5) * cell_m - p.y;
+        const double dx = low.x + (ix + 0.5) * kCell_m - p.x;
+        const double dy = low.y + (iy + 0.5) * kCell_m - p.y;
         float& score = scores
             [static_cast<std::size_t>(iy) * static_cast<std::size_t>(width) +
              static_cast<std::size_t>(ix)];
@@ -49,16 +50,20 @@ grid::ScoreField fieldOf(const std::vector<Point2>& points, double cell_m) {
       }
     }
   }
-  return {width, height, cell_m, Pose2{low.x, low.y, 0.0}, scores, kReach_m};
+  return {width, height, kCell_m, Pose2{low.x, low.y, 0.0}, scores, kReach_m};
 }
 
 }  // namespace
 
-std::vector<Place> findPlaces(
-    const Cluster& a, const Cluster& b, const Pose2& guess, const SearchParams& params) {
-  const std::vector<Point2> target = pointsOf(a, 2.0 * kReach_m);
+std::vector<Place> PlaceFinder::find(
+    const Cluster& b, const Pose2& guess, const SearchParams& params) {
   const std::vector<Point2> query = pointsOf(b, kReach_m);
-  if (target.empty() || query.empty()) return {};
+  if (query.empty()) return {};
+  if (!field_) {
+    const std::vector<Point2> target = pointsOf(a_, 2.0 * kReach_m);
+    if (target.empty()) return {};
+    field_.emplace(fieldOf(target));
+  }
   grid::BranchAndBoundParams search;
   search.min_score = params.min_score;
   search.relative_score = 0.8;
@@ -72,7 +77,7 @@ std::vector<Place> findPlaces(
   window.half_y_m = params.half_m;
   window.half_yaw_rad = params.half_rad;
   std::vector<Place> places;
-  for (const grid::PoseMatch& m : matcher.match(fieldOf(target, params.cell_m), query, window)) {
+  for (const grid::PoseMatch& m : matcher.match(*field_, query, window)) {
     places.push_back({m.T_map_base, m.score});
   }
   return places;

@@ -65,7 +65,7 @@ TrackResult trackScans(
       search.half_m = params.search_m;
       search.half_rad = params.search_rad;
       search.min_score = 0.4;
-      for (const Place& place : findPlaces(target, query, prior.T_a_b, search)) {
+      for (const Place& place : PlaceFinder(target).find(query, prior.T_a_b, search)) {
         const Pose2 candidate = align(fine, query, place.T_a_b, alignment).T_a_b;
         const Overlap fit = overlap(target, query, candidate, kOverlapGate_m);
         // A place far from what the odometry says must fit clearly better.

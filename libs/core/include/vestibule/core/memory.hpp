@@ -1,15 +1,14 @@
 #pragma once
 
-#include <malloc.h>
-
 namespace vestibule {
 
 /// Gives freed memory back to the system where the C library would keep it for later. Call it
 /// between two phases of a run that need much memory each.
-inline void giveBackFreedMemory() {
-#ifdef __GLIBC__
-  malloc_trim(0);
-#endif
-}
+void giveBackFreedMemory();
+
+/// Gives back the pages of shared libraries that were touched to load them: symbol tables and
+/// code around what ran so far. What is needed again comes back from the file cache, page by page.
+/// A debugger's breakpoints inside libraries go with them; those in the program itself stay.
+void giveBackLibraryPages();
 
 }  // namespace vestibule
