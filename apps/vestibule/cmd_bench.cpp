@@ -9,6 +9,8 @@
 #include "vestibule/core/angles.hpp"
 #include "vestibule/core/errors.hpp"
 #include "vestibule/core/random.hpp"
+#include "vestibule/gui_headless/map_sheet.hpp"
+#include "vestibule/gui_headless/report.hpp"
 #include "vestibule/pipeline/place_bench.hpp"
 
 namespace vestibule::app {
@@ -99,6 +101,66 @@ Json placesJson(const std::vector<amcl::Place>& places) {
   return list;
 }
 
+gui_headless::Figure shareFigure(
+    const std::string& label,
+    const Share& share,
+    std::optional<bool> good = {},
+    std::string bar = {}) {
+  gui_headless::Figure f = figure(label, percent(share), "%");
+  f.bar = std::move(bar);
+  using Verdict = gui_headless::Figure::Verdict;
+  if (good) f.verdict = *good ? Verdict::kGood : Verdict::kBad;
+  return f;
+}
+
+std::string words(const Pose2& T) {
+  return fixed(T.x, 2) + ", " + fixed(T.y, 2) + ", " + fixed(radToDeg(T.phi), 0);
+}
+
+/// Where the robots were put down and how it ended, and all that was not right.
+gui_headless::ReportSection lostSection(
+    const grid::OccupancyMap& map,
+    const std::string& name,
+    const std::vector<pipeline::LostTrial>& trials) {
+  gui_headless::ReportSection section;
+  section.title = name;
+  gui_headless::MapPanel panel{&map, {"where the robots were put down"}};
+  gui_headless::Table misses{
+      "Not right",
+      {"outcome",
+       "put down at x, y [m], yaw [deg]",
+       "truth at the end",
+       "claimed, or likeliest",
+       "its weight",
+       "driven [m]"},
+      {}};
+  for (const auto& trial : trials) {
+    using Look = gui_headless::MapMark::Look;
+    const bool right = trial.outcome == pipeline::LostOutcome::kRight;
+    const bool wrong = trial.outcome == pipeline::LostOutcome::kWrong;
+    panel.marks.push_back(
+        {{trial.T_map_start.x, trial.T_map_start.y},
+         right ? Look::kGood : (wrong ? Look::kBad : Look::kOpen)});
+    if (right) continue;
+    std::string believed = "none";
+    if (!trial.places.empty()) believed = words(trial.places.front().T_map_base.mean);
+    if (trial.T_map_claimed) believed = words(*trial.T_map_claimed);
+    misses.rows.push_back(
+        {toString(trial.outcome),
+         words(trial.T_map_start),
+         words(trial.T_map_end),
+         believed,
+         trial.places.empty() ? "" : fixed(trial.places.front().weight, 3),
+         fixed(trial.driven_m, 1)});
+  }
+  constexpr double kWidth = 900.0;
+  section.pictures.push_back(
+      {"Green: right. Orange: not sure after all that was allowed. Red: sure of a wrong place.",
+       gui_headless::renderMapSheet({panel}, 1, kWidth)});
+  if (!misses.rows.empty()) section.tables.push_back(std::move(misses));
+  return section;
+}
+
 using Bench = std::vector<pipeline::LostTrial> (*)(
     const pipeline::LostPlace&,
     const pipeline::Config&,
@@ -120,6 +182,9 @@ void runLost(const std::string& command, Bench bench, const Arguments& args, int
        "searches p50"}};
   Json timing;
   bool good = true;
+  gui_headless::Report report;
+  report.title = "Vestibule: " + command;
+  report.subtitle = "robots that do not know where they are";
   const auto run = [&](const pipeline::LostPlace& place, const std::string& name) {
     ProgressBar bar(name);
     const auto trials = bench(place, config, args.places, args.seed, bar.callback());
@@ -173,6 +238,17 @@ void runLost(const std::string& command, Bench bench, const Arguments& args, int
     output.summary()["places"][name] = s;
     timing[name]["first_search_s_p50"] = rounded(quantile(first, 0.5), 4);
     timing[name]["first_search_s_max"] = rounded(quantile(first, 1.0), 4);
+    auto section = lostSection(*place.map, name, trials);
+    section.figures = {
+        shareFigure("right", right, right.value >= kRightBar, ">= 98"),
+        shareFigure("confident but wrong", wrong, wrong.value <= kWrongBar, "<= 0.5"),
+        shareFigure("not sure at the end", unsure),
+        figure("driven, median", fixed(quantile(driven, 0.5), 1), "m"),
+        figure("driven, 95 %", fixed(quantile(driven, 0.95), 1), "m"),
+        figure("time, median", fixed(quantile(elapsed, 0.5), 1), "s"),
+        figure("time, 95 %", fixed(quantile(elapsed, 0.95), 1), "s"),
+        figure("searches of the map, median", fixed(quantile(searches, 0.5), 0))};
+    report.sections.push_back(std::move(section));
   };
   for (const std::string& path : args.maps) {
     run(pipeline::changedMap(path, args.seed), std::filesystem::path(path).stem().string());
@@ -181,8 +257,13 @@ void runLost(const std::string& command, Bench bench, const Arguments& args, int
     run(pipeline::simulatedWorld(path), std::filesystem::path(path).stem().string());
   }
   output.text("timing.json", timing.dump(2) + "\n");
+  output.report(report);
   output.finish();
-  std::printf("%s\n%s\n", textTable(table).c_str(), timing.dump(2).c_str());
+  std::printf(
+      "%s\n%s\nreport: %s\n",
+      textTable(table).c_str(),
+      timing.dump(2).c_str(),
+      output.pathOf("report.html").c_str());
   exit_code = good ? kDone : kFailedPurpose;
 }
 

@@ -37,5 +37,26 @@ TEST(MapSheet, PutsMapsInRowsOfOneScale) {
   EXPECT_TRUE(renderMapSheet({}, 3).empty());
 }
 
+TEST(MapSheet, DrawsMarksWhereTheyHappened) {
+  const grid::OccupancyMap map = room(60, 40);
+  const MapPanel plain{&map, {}};
+  MapPanel marked = plain;
+  marked.marks = {{{1.0, 2.0}, MapMark::Look::kGood}, {{5.0, 3.0}, MapMark::Look::kBad}};
+  constexpr double kWidth = 400.0;
+  const cv::Mat without = decoded(renderMapSheet({plain}, 1, kWidth));
+  const cv::Mat with = decoded(renderMapSheet({marked}, 1, kWidth));
+  ASSERT_EQ(with.size(), without.size());
+  EXPECT_GT(with.cols, 500) << "1.5 pixels per unit of the page";
+  cv::Mat changed;
+  cv::absdiff(with, without, changed);
+  const auto in = [&changed](int from, int to) {
+    return cv::countNonZero(changed(cv::Rect(from, 0, to - from, changed.rows)) > 30);
+  };
+  // One mark in each half, the bad one larger, and nothing between them.
+  EXPECT_GT(in(0, with.cols / 3), 10);
+  EXPECT_EQ(in(with.cols / 3, 2 * with.cols / 3), 0);
+  EXPECT_GT(in(2 * with.cols / 3, with.cols), in(0, with.cols / 3));
+}
+
 }  // namespace
 }  // namespace vestibule::gui_headless
