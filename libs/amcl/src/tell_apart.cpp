@@ -26,7 +26,8 @@ constexpr double kFirst_m = 1.0;       // of a way says where the robot has to t
 // more.
 constexpr double kWide_m = 1.2;
 constexpr double kNarrowCost = 2.0;
-constexpr double kWorthIt = 0.10;  // of all that could be told apart
+constexpr std::size_t kLongestLine = 100;  // cells of a way that may become a straight line
+constexpr double kWorthIt = 0.10;          // of all that could be told apart
 // Candidates so near to each other are one place, known badly.
 constexpr double kSame_m = 1.0;
 constexpr double kSame_rad = degToRad(20.0);
@@ -65,8 +66,7 @@ TellApart::TellApart(
       distances_(*map_),
       fixed_(withoutSmallThings(*map_, params.small_m)),
       fixed_distances_(fixed_),
-      rays_(fixed_),
-      known_rays_(withoutUnknown(fixed_)),
+      rays_(withoutUnknown(fixed_)),
       radius_m_(radius_m) {}
 
 grid::Cell TellApart::cell(std::size_t i) const {
@@ -78,6 +78,10 @@ double TellApart::clearance(std::size_t i) const {
   return distances_.cells().empty() ? kView_m : static_cast<double>(distances_.cells()[i]);
 }
 
+double TellApart::costOf(std::size_t i) const {
+  return 1.0 + kNarrowCost * std::max(0.0, 1.0 - clearance(i) / kWide_m);
+}
+
 bool TellApart::open(std::size_t i) const {
   return cell(i) == grid::Cell::kFree && clearance(i) > radius_m_;
 }
@@ -86,9 +90,13 @@ std::vector<TellApart::Look> TellApart::view(const Point2& p_map, double yaw) co
   std::vector<Look> looks;
   for (int i = 0; i < kRays; ++i) {
     const double direction = yaw + 2.0 * kPi * i / kRays;
-    const double known_m = known_rays_.range(p_map, direction, kView_m);
-    const double range_m = rays_.range(p_map, direction, kView_m);
-    looks.push_back({std::min(known_m, range_m), known_m >= range_m});
+    const double known_m = rays_.range(p_map, direction, kView_m);
+    const Point2 end{
+        p_map.x + known_m * std::cos(direction), p_map.y + known_m * std::sin(direction)};
+    // Away from every obstacle it is the end of what is known.
+    const bool ends =
+        known_m >= kView_m || fixed_distances_.at(end, kView_m) < 1.5 * map_->resolution();
+    looks.push_back({known_m, ends});
   }
   return looks;
 }
@@ -186,37 +194,77 @@ std::vector<Point2> TellApart::way(const std::vector<Place>& places, double reac
     const Reached at = reached.top();
     reached.pop();
     if (at.cost > cost[at.cell]) continue;
-    if (at.way_m >= kNearest_m && (at.cell % w) % spacing == 0 && (at.cell / w) % spacing == 0) {
+    const double price_m = at.way_m + at.turn_m + kSettingOut_m;
+    const bool may_be_best = at.way_m >= kNearest_m && most * price_m < 1.0;
+    if (may_be_best && (at.cell % w) % spacing == 0 && (at.cell / w) % spacing == 0) {
       const double tells = told(claims, centre_of(at.cell));
-      const double gain = tells < kWorthIt ? 0.0 : tells / (at.way_m + at.turn_m + kSettingOut_m);
-      if (gain > most) {
-        most = gain;
+      if (tells >= kWorthIt && tells > most * price_m) {
+        most = tells / price_m;
         goal = at.cell;
       }
     }
     if (at.way_m + cell_m > reach_m) continue;
     const std::size_t ix = at.cell % w;
     const std::size_t iy = at.cell / w;
-    const auto visit = [&](std::size_t i) {
+    const auto visit = [&](std::size_t i, double step_m) {
       // The robot may stand nearer to an obstacle than it would go by itself.
       if (cell(i) == grid::Cell::kOccupied || (!open(i) && at.way_m > 2.0 * radius_m_)) return;
-      const double narrow = std::max(0.0, 1.0 - clearance(i) / kWide_m);
-      const float through = at.cost + static_cast<float>(cell_m * (1.0 + kNarrowCost * narrow));
+      const float through = at.cost + static_cast<float>(step_m * costOf(i));
       if (through >= cost[i]) return;
       cost[i] = through;
       came_from[i] = at.cell;
-      const bool sets_out = at.way_m < kFirst_m && at.way_m + cell_m >= kFirst_m;
-      reached.push({through, i, at.way_m + cell_m, sets_out ? turn_to(i) : at.turn_m});
+      const bool sets_out = at.way_m < kFirst_m && at.way_m + step_m >= kFirst_m;
+      reached.push({through, i, at.way_m + step_m, sets_out ? turn_to(i) : at.turn_m});
     };
-    if (ix > 0) visit(at.cell - 1);
-    if (ix + 1 < w) visit(at.cell + 1);
-    if (iy > 0) visit(at.cell - w);
-    if (iy + 1 < h) visit(at.cell + w);
+    const std::size_t x0 = ix > 0 ? ix - 1 : ix;
+    const std::size_t y0 = iy > 0 ? iy - 1 : iy;
+    for (std::size_t y = y0; y <= std::min(iy + 1, h - 1); ++y) {
+      for (std::size_t x = x0; x <= std::min(ix + 1, w - 1); ++x) {
+        visit(y * w + x, x != ix && y != iy ? std::sqrt(2.0) * cell_m : cell_m);
+      }
+    }
   }
+  std::vector<std::size_t> cells;
+  for (std::size_t i = goal; i != start; i = came_from[i]) cells.push_back(i);
+  cells.push_back(start);
+  std::reverse(cells.begin(), cells.end());
   std::vector<Point2> way;
-  for (std::size_t i = goal; i != start; i = came_from[i]) way.push_back(centre_of(i));
-  std::reverse(way.begin(), way.end());
+  for (const std::size_t i : shortened(cells, cost)) way.push_back(centre_of(i));
+  way.erase(way.begin());
   return way;
+}
+
+std::vector<std::size_t> TellApart::shortened(
+    const std::vector<std::size_t>& way, const std::vector<float>& cost) const {
+  const auto w = static_cast<std::size_t>(map_->width());
+  const auto x = [&](std::size_t i) { return static_cast<double>(i % w); };
+  const auto y = [&](std::size_t i) { return static_cast<double>(i / w); };
+  std::vector<std::size_t> shorter{way.front()};
+  for (std::size_t from = 0; from + 1 < way.size();) {
+    std::vector<std::size_t> line;
+    std::size_t to = std::min(way.size() - 1, from + kLongestLine);
+    for (; to > from + 1; --to) {
+      const double dx = x(way[to]) - x(way[from]);
+      const double dy = y(way[to]) - y(way[from]);
+      const double cells = std::max(std::abs(dx), std::abs(dy));
+      const double step_m = std::hypot(dx, dy) / cells * map_->resolution();
+      const auto allowed = static_cast<double>(cost[way[to]] - cost[way[from]]);
+      double costs = 0.0;
+      line.clear();
+      for (double k = 1.0; k <= cells && costs <= allowed; ++k) {
+        const auto u = static_cast<std::size_t>(std::lround(x(way[from]) + k / cells * dx));
+        const auto v = static_cast<std::size_t>(std::lround(y(way[from]) + k / cells * dy));
+        const std::size_t i = v * w + u;
+        costs = open(i) ? costs + step_m * costOf(i) : std::numeric_limits<double>::infinity();
+        line.push_back(i);
+      }
+      if (costs <= allowed) break;
+    }
+    if (to == from + 1) line = {way[to]};
+    shorter.insert(shorter.end(), line.begin(), line.end());
+    from = to;
+  }
+  return shorter;
 }
 
 }  // namespace vestibule::amcl

@@ -105,7 +105,6 @@ class Ground {
   /// is blocked or reached.
   [[nodiscard]] std::optional<Point2> towards(const Point2& from, const Point2& to) const {
     constexpr double kAround_m = 1.5;
-    constexpr double kStep_m = 0.4;
     constexpr double kNearer_m = 0.1;
     struct Reached {
       std::size_t cell;
@@ -127,11 +126,25 @@ class Ground {
       });
     }
     if (off(reached[best].cell) > off(reached.front().cell) - kNearer_m) return std::nullopt;
-    while (reached[best].steps * map_.resolution() > kStep_m) best = reached[best].before;
+    while (!straight(reached.front().cell, reached[best].cell)) best = reached[best].before;
     return centreOf(reached[best].cell);
   }
 
  private:
+  /// Whether all cells on the line between two are open, but for the first.
+  [[nodiscard]] bool straight(std::size_t from, std::size_t to) const {
+    const auto x = [&](std::size_t i) { return static_cast<double>(i % width()); };
+    const auto y = [&](std::size_t i) { return static_cast<double>(i / width()); };
+    const double steps = 2.0 * std::max(std::abs(x(to) - x(from)), std::abs(y(to) - y(from)));
+    for (double k = 1.0; k <= steps; ++k) {
+      const double u = x(from) + k / steps * (x(to) - x(from));
+      const double v = y(from) + k / steps * (y(to) - y(from));
+      const auto i = static_cast<std::size_t>(std::lround(v)) * width() +
+                     static_cast<std::size_t>(std::lround(u));
+      if (open_[i] == 0 && i != from) return false;
+    }
+    return true;
+  }
   [[nodiscard]] std::size_t width() const { return static_cast<std::size_t>(map_.width()); }
   [[nodiscard]] std::size_t cellCount() const {
     return width() * static_cast<std::size_t>(map_.height());

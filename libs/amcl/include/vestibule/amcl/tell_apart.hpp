@@ -47,13 +47,18 @@ class TellApart {
   [[nodiscard]] grid::Cell cell(std::size_t i) const;
   [[nodiscard]] double clearance(std::size_t cell) const;
   [[nodiscard]] bool open(std::size_t cell) const;
+  /// Of a metre there: more where it is narrow.
+  [[nodiscard]] double costOf(std::size_t cell) const;
+  /// A way of neighbouring cells with straight lines where these cost no more.
+  /// \param cost of the way to each cell
+  [[nodiscard]] std::vector<std::size_t> shortened(
+      const std::vector<std::size_t>& way, const std::vector<float>& cost) const;
 
   std::shared_ptr<const grid::OccupancyMap> map_;
   grid::DistanceField distances_;
   grid::OccupancyMap fixed_;  // without what moves
   grid::DistanceField fixed_distances_;
-  grid::RayCaster rays_;
-  grid::RayCaster known_rays_;  // end where nothing is known
+  grid::RayCaster rays_;  // end where nothing is known, too
   double radius_m_;
 };
 

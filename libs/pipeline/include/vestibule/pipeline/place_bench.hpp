@@ -47,10 +47,10 @@ struct LostTrial {
   double first_search_s = 0.0;  ///< wall time
 };
 
-/// Puts a robot at random free places without telling it where, lets it drive up to 20 m towards
-/// random other places without touching anything, by scans with 10 to 15 % outliers and noise of 2
-/// cm and by odometry that is some per cent wrong, until it says where it is. Deterministic for any
-/// thread count, but for the wall time.
+/// Puts a robot at random free places without telling it where, lets it drive up to 20 m to where
+/// its candidates differ (amcl::TellApart) without touching anything, by scans with 10 to 15 %
+/// outliers and noise of 2 cm and by odometry that is some per cent wrong, until it says where it
+/// is. Deterministic for any thread count, but for the wall time.
 [[nodiscard]] std::vector<LostTrial> benchGlobal(
     const LostPlace& place,
     const Config& config,
