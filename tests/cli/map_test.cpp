@@ -191,6 +191,27 @@ TEST_F(MapDrive, ADamagedLogGivesTheMapOfWhatCameBefore) {
   EXPECT_GT(io::readTum(path("out/trajectory.tum")).size(), 60U);
 }
 
+TEST_F(MapDrive, SaysWhatIsWrongWithTheRecording) {
+  // GIVEN a laser that sees nothing
+  std::string blind;
+  for (int i = 0; i < 20; ++i) {
+    blind += "FLASER 3 81.91 81.91 81.91 " + std::to_string(i) + " 0 0 " + std::to_string(i) +
+             " 0 0 " + std::to_string(i) + " host 0\n";
+  }
+  const CommandResult nothing = run({"map", file("blind.log", blind), "--out", path("blind")});
+  EXPECT_EQ(nothing.exit_code, 3);
+  EXPECT_THAT(nothing.err, HasSubstr("no beam of its scans met anything"));
+  expectNoOutput("blind");
+  // GIVEN odometry that leaves the Earth after the whole drive
+  const std::string away = drive_.carmenLog(false) + "ODOM 1e12 0 0 0 0 0 1100 host 0\n";
+  const CommandResult far = run({"map", file("away.log", away), "--out", path("away")});
+  EXPECT_EQ(far.exit_code, 3);
+  EXPECT_THAT(far.err, testing::ContainsRegex("the odometry jumps by [0-9.]+ m at 1100.0+ s"));
+  // THEN the map of what came before is there
+  EXPECT_THAT(far.err, HasSubstr("the map is of the 140 scans before it"));
+  EXPECT_EQ(io::readTum(path("away/trajectory.tum")).size(), drive_.poses.size());
+}
+
 TEST_F(MapDrive, FinishRefinesAllPosesAndSaysWhatItClosed) {
   ASSERT_NO_FATAL_FAILURE(map("out", {"--finish"}));
   const io::Trajectory poses = io::readTum(path("out/trajectory.tum"));
