@@ -234,7 +234,9 @@ TEST_F(MapDrive, FinishRefinesAllPosesAndSaysWhatItClosed) {
 }
 
 TEST_F(MapDrive, GeoreferenceIsWrittenOrRefused) {
-  // GIVEN the drive with a fix at every scan, turned by 30 degrees from the map that it will make
+  // GIVEN the drive in a room of twice the size, for fixes need some metres, with a fix at every
+  // scan, turned by 30 degrees from the map that it will make
+  constexpr double kSize = 2.0;
   const geo::TangentPlane plane({45.0, 7.0, 200.0});
   const double turn_rad = degToRad(30.0);
   const auto recordWith = [&](GnssFixType type, double sigma_m) {
@@ -244,10 +246,19 @@ TEST_F(MapDrive, GeoreferenceIsWrittenOrRefused) {
     const auto reader = io::openRecording(path("raw.log"), {});
     std::size_t scan = 0;
     while (const auto record = reader->next()) {
-      writer.write(record->measurement, record->source);
-      if (!std::holds_alternative<LaserScan>(record->measurement)) continue;
+      Measurement measurement = record->measurement;
+      if (auto* wheels = std::get_if<WheelOdometry>(&measurement)) {
+        wheels->T_previous_now.x *= kSize;
+        wheels->T_previous_now.y *= kSize;
+      }
+      auto* echoes = std::get_if<LaserScan>(&measurement);
+      if (echoes != nullptr) {
+        for (float& range_m : echoes->ranges_m) range_m *= static_cast<float>(kSize);
+      }
+      writer.write(measurement, record->source);
+      if (echoes == nullptr) continue;
       const Pose2 moved = between(drive_.poses.front(), drive_.poses[scan]);
-      const Point2 p = transform(Pose2{0.0, 0.0, turn_rad}, {moved.x, moved.y});
+      const Point2 p = transform(Pose2{0.0, 0.0, turn_rad}, {kSize * moved.x, kSize * moved.y});
       GnssFix fix;
       fix.stamp = drive_.stamps[scan++];
       fix.type = type;
@@ -260,7 +271,8 @@ TEST_F(MapDrive, GeoreferenceIsWrittenOrRefused) {
   };
   // WHEN the fixes are to centimetres
   const std::string good = recordWith(GnssFixType::kRtkFixed, 0.02);
-  ASSERT_EQ(run({"map", good, "--georeference", "--out", path("good")}).exit_code, 0);
+  const CommandResult done = run({"map", good, "--georeference", "--out", path("good")});
+  ASSERT_EQ(done.exit_code, 0) << done.err;
   // THEN the map knows where it lies
   const json georeference = summary("good")["georeference"];
   EXPECT_NEAR(georeference["T_map_grid"][2], 30.0, 2.0);
