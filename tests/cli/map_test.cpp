@@ -191,6 +191,27 @@ TEST_F(MapDrive, ADamagedLogGivesTheMapOfWhatCameBefore) {
   EXPECT_GT(io::readTum(path("out/trajectory.tum")).size(), 60U);
 }
 
+TEST_F(MapDrive, SaysWhatIsWrongWithTheRecording) {
+  // GIVEN a laser that sees nothing
+  std::string blind;
+  for (int i = 0; i < 20; ++i) {
+    blind += "FLASER 3 81.91 81.91 81.91 " + std::to_string(i) + " 0 0 " + std::to_string(i) +
+             " 0 0 " + std::to_string(i) + " host 0\n";
+  }
+  const CommandResult nothing = run({"map", file("blind.log", blind), "--out", path("blind")});
+  EXPECT_EQ(nothing.exit_code, 3);
+  EXPECT_THAT(nothing.err, HasSubstr("no beam of its scans met anything"));
+  expectNoOutput("blind");
+  // GIVEN odometry that leaves the Earth after the whole drive
+  const std::string away = drive_.carmenLog(false) + "ODOM 1e12 0 0 0 0 0 1100 host 0\n";
+  const CommandResult far = run({"map", file("away.log", away), "--out", path("away")});
+  EXPECT_EQ(far.exit_code, 3);
+  EXPECT_THAT(far.err, testing::ContainsRegex("the odometry jumps by [0-9.]+ m at 1100.0+ s"));
+  // THEN the map of what came before is there
+  EXPECT_THAT(far.err, HasSubstr("the map is of the 140 scans before it"));
+  EXPECT_EQ(io::readTum(path("away/trajectory.tum")).size(), drive_.poses.size());
+}
+
 TEST_F(MapDrive, FinishRefinesAllPosesAndSaysWhatItClosed) {
   ASSERT_NO_FATAL_FAILURE(map("out", {"--finish"}));
   const io::Trajectory poses = io::readTum(path("out/trajectory.tum"));
@@ -213,7 +234,9 @@ TEST_F(MapDrive, FinishRefinesAllPosesAndSaysWhatItClosed) {
 }
 
 TEST_F(MapDrive, GeoreferenceIsWrittenOrRefused) {
-  // GIVEN the drive with a fix at every scan, turned by 30 degrees from the map that it will make
+  // GIVEN the drive in a room of twice the size, for fixes need some metres, with a fix at every
+  // scan, turned by 30 degrees from the map that it will make
+  constexpr double kSize = 2.0;
   const geo::TangentPlane plane({45.0, 7.0, 200.0});
   const double turn_rad = degToRad(30.0);
   const auto recordWith = [&](GnssFixType type, double sigma_m) {
@@ -223,10 +246,19 @@ TEST_F(MapDrive, GeoreferenceIsWrittenOrRefused) {
     const auto reader = io::openRecording(path("raw.log"), {});
     std::size_t scan = 0;
     while (const auto record = reader->next()) {
-      writer.write(record->measurement, record->source);
-      if (!std::holds_alternative<LaserScan>(record->measurement)) continue;
+      Measurement measurement = record->measurement;
+      if (auto* wheels = std::get_if<WheelOdometry>(&measurement)) {
+        wheels->T_previous_now.x *= kSize;
+        wheels->T_previous_now.y *= kSize;
+      }
+      auto* echoes = std::get_if<LaserScan>(&measurement);
+      if (echoes != nullptr) {
+        for (float& range_m : echoes->ranges_m) range_m *= static_cast<float>(kSize);
+      }
+      writer.write(measurement, record->source);
+      if (echoes == nullptr) continue;
       const Pose2 moved = between(drive_.poses.front(), drive_.poses[scan]);
-      const Point2 p = transform(Pose2{0.0, 0.0, turn_rad}, {moved.x, moved.y});
+      const Point2 p = transform(Pose2{0.0, 0.0, turn_rad}, {kSize * moved.x, kSize * moved.y});
       GnssFix fix;
       fix.stamp = drive_.stamps[scan++];
       fix.type = type;
@@ -239,7 +271,8 @@ TEST_F(MapDrive, GeoreferenceIsWrittenOrRefused) {
   };
   // WHEN the fixes are to centimetres
   const std::string good = recordWith(GnssFixType::kRtkFixed, 0.02);
-  ASSERT_EQ(run({"map", good, "--georeference", "--out", path("good")}).exit_code, 0);
+  const CommandResult done = run({"map", good, "--georeference", "--out", path("good")});
+  ASSERT_EQ(done.exit_code, 0) << done.err;
   // THEN the map knows where it lies
   const json georeference = summary("good")["georeference"];
   EXPECT_NEAR(georeference["T_map_grid"][2], 30.0, 2.0);

@@ -396,7 +396,9 @@ class CarmenReader : public RecordingReader {
                                : std::nullopt);
       }
     } catch (const InputError&) {
-      // A damaged line: next() will come to it and say so.
+      // A damaged line: next() will come to it and say so, if it is of the laser that is read.
+      const auto rank = laserRank(keyword_);
+      if (rank && mounts[*rank].empty()) mounts[*rank].push_back(std::nullopt);
     }
     lines_.rewind();
     notes_ = {};

@@ -122,7 +122,7 @@ TEST(Carmen, RawLaserTakesItsOdometryFromOdomLines) {
   EXPECT_EQ(merged[2].source, "FLASER");
   EXPECT_THAT(
       inputError(writeFile(folder / "cut.log", raw.substr(0, raw.find(" 1.2 host")))),
-      HasSubstr("cut.log:1: RAWLASER2 line has 11 words instead of 14"));
+      HasSubstr("cut.log:1: RAWLASER2 line has 12 words instead of 15"));
 }
 
 TEST(Carmen, ReadsCentimetreLogs) {

@@ -23,6 +23,7 @@ namespace {
 
 constexpr std::size_t kHeldOutScans = 200;
 constexpr double kMaxGeoreferenceSigma_rad = degToRad(15.0);
+constexpr double kLongestStep_m = 1e8;  // of odometry; the way around the Earth is shorter
 
 /// Notes the stamps of the scans as they come from the file.
 class ScanOrder : public io::RecordingReader {
@@ -141,12 +142,25 @@ class Drive {
       throw InputError(
           path_ + ": no wheel odometry in it, which mapping needs (see vestibule info)");
     }
+    if (!any_echo_) {
+      throw InputError(
+          path_ +
+          ": no beam of its scans met anything within the laser's range, nothing to map (see "
+          "vestibule info)");
+    }
     return result();
   }
 
  private:
   void process(const Measurement& measurement) {
     if (const auto* wheels = std::get_if<WheelOdometry>(&measurement)) {
+      const double step_m = translationNorm(wheels->T_previous_now);
+      if (!(step_m < kLongestStep_m)) {
+        throw InputError(
+            path_ + ": the odometry jumps by " + std::to_string(step_m) + " m at " +
+            formatSeconds(wheels->stamp) +
+            " s; the recording is damaged there: cut it out or get another copy");
+      }
       odometry_.process(*wheels);
     } else if (const auto* imu = std::get_if<Imu>(&measurement)) {
       odometry_.process(*imu);
@@ -160,6 +174,7 @@ class Drive {
   }
 
   void process(const LaserScan& raw) {
+    for (std::size_t i = 0; i < raw.ranges_m.size() && !any_echo_; ++i) any_echo_ = raw.valid(i);
     mapping::ScanNode node;
     node.scan = mapping::deskewed(raw, odometry_.speed(), odometry_.yawRate());
     node.T_odom_base = odometry_.at(raw.stamp);
@@ -380,6 +395,7 @@ class Drive {
   std::vector<FixAt> fixes_;
   std::size_t repeated_ = 0;
   std::optional<std::string> damage_;
+  bool any_echo_ = false;
   Timestamp first_;
   Timestamp last_;
 };
