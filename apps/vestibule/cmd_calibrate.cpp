@@ -189,9 +189,11 @@ void calibrateOdometry(const Arguments& args, int& exit_code) {
   quickTable(c, section, output.summary());
   if (allObserved(c)) umbmarkTable(c, section, output.summary());
   section.pictures.push_back(
-      {"odometry as recorded (line), reference (dashed)", pathPicture("recorded", c.before, c.reference)});
+      {"odometry as recorded (line), reference (dashed)",
+       pathPicture("recorded", c.before, c.reference)});
   section.pictures.push_back(
-      {"odometry as calibrated (line), reference (dashed)", pathPicture("calibrated", c.after, c.reference)});
+      {"odometry as calibrated (line), reference (dashed)",
+       pathPicture("calibrated", c.after, c.reference)});
   output.picture("before.png", section.pictures[0].png);
   output.picture("after.png", section.pictures[1].png);
   output.trajectory(c.after);

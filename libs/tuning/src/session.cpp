@@ -81,8 +81,8 @@ bool readBy(SubjectKind subject, const std::string& name) {
   return false;
 }
 
-/// Numbers that exist, have an effect, are named once, and that the configuration takes at both ends
-/// of the range.
+/// Numbers that exist, have an effect, are named once, and that the configuration takes at both
+/// ends of the range.
 void checkParameters(Problems& problems, const Session& session) {
   const ParameterTree tree(session.base);
   std::set<std::string> seen;

@@ -151,8 +151,10 @@ TEST(Engine, WhatValidationCannotGiveIsKnownBeforeTheSearch) {
     (void)tuned(twoParameters(), Mute(bowl), 1, "", callbacks);
     ADD_FAILURE() << "was run";
   } catch (const InputError& e) {
-    EXPECT_THAT(e.what(), HasSubstr("recordings.validation: validation 0: the defaults cannot be "
-                                    "run: no fixes"));
+    EXPECT_THAT(
+        e.what(),
+        HasSubstr("recordings.validation: validation 0: the defaults cannot be "
+                  "run: no fixes"));
     EXPECT_THAT(e.what(), HasSubstr("validation 1: the defaults give no number of ape"));
   }
   EXPECT_EQ(candidates, 0U);
