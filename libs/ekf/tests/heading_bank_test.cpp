@@ -56,7 +56,8 @@ TEST(HeadingBank, FindsAnyYawWithinWhatItClaims) {
 }
 
 TEST(HeadingBank, SaysNothingOfARobotThatStands) {
-  HeadingBank bank{FilterParams()};
+  const FilterParams params;
+  HeadingBank bank(params);
   RandomStream random(2, "bank");
   for (int k = 0; k < 100; ++k) {
     bank.add({random.normal(0.0, 0.1), random.normal(0.0, 0.1)}, {0.0, 0.0}, kSigma_mps);
@@ -67,7 +68,8 @@ TEST(HeadingBank, SaysNothingOfARobotThatStands) {
 
 TEST(HeadingBank, DoesNotBelieveVelocitiesThatDoNotTurnWithTheRobot) {
   // Under a roof: a receiver that says the same whatever the robot does.
-  HeadingBank bank{FilterParams()};
+  const FilterParams params;
+  HeadingBank bank(params);
   for (int k = 0; k < 60; ++k) {
     bank.add({0.8, 0.2}, {std::cos(0.3 * k), std::sin(0.3 * k)}, kSigma_mps);
     if (k > 15) {
