@@ -42,7 +42,7 @@ struct RefineParams {
 
 /// The little of it that every drive gets.
 struct SmoothParams {
-  int iterations = 4;  ///< 0 = the filter's path as it is
+  int iterations = 8;  ///< 0 = the filter's path as it is
   int pairs_per_scan = 3;
 };
 
