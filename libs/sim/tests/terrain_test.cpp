@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
@@ -22,9 +23,18 @@ namespace {
 using namespace std::chrono_literals;
 using ::testing::HasSubstr;
 
+/// A folder of the running test's own, since tests run beside each other; ends in a slash.
+std::string folder() {
+  const auto* test = ::testing::UnitTest::GetInstance()->current_test_info();
+  const std::string path =
+      ::testing::TempDir() + "vestibule_" + test->test_suite_name() + "_" + test->name() + "/";
+  std::filesystem::create_directories(path);
+  return path;
+}
+
 /// The world with this text after name and datum, in a file beside the files it names.
 std::string worldFile(const std::string& yaml) {
-  const std::string path = ::testing::TempDir() + "sim_terrain.yaml";
+  const std::string path = folder() + "sim_terrain.yaml";
   std::ofstream(path) << "name: w\ndatum: [36.8, -2.4, 20]\n" << yaml;
   return path;
 }
@@ -42,14 +52,14 @@ std::string refusal(const std::string& yaml) {
 void writePicture(const std::string& file, int type, double low, double high) {
   cv::Mat picture(2, 4, type, cv::Scalar(low));
   picture.colRange(0, 1).rowRange(0, 1).setTo(high);
-  ASSERT_TRUE(cv::imwrite(::testing::TempDir() + file, picture));
+  ASSERT_TRUE(cv::imwrite(folder() + file, picture));
 }
 
 TEST(HeightFiles, PicturesOfAllDepthsAndAscGridsSayTheSame) {
   writePicture("heights8.png", CV_8UC1, 51, 255);
   writePicture("heights16.png", CV_16UC1, 13107, 65535);
   writePicture("heights.tiff", CV_32FC1, 0.2, 3.0);
-  std::ofstream(::testing::TempDir() + "heights.asc")
+  std::ofstream(folder() + "heights.asc")
       << "ncols 4\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 0.5\nNODATA_value -9999\n"
          "3.0 0.2 0.2 0.2\n0.2 0.2 0.2 -9999\n";
   const std::string where = "resolution_m: 0.5, origin: [10, 20, 90]";
@@ -75,7 +85,7 @@ TEST(HeightFiles, PicturesOfAllDepthsAndAscGridsSayTheSame) {
 
 TEST(HeightFiles, BadOnesAreRefusedByLine) {
   const auto write = [](const std::string& file, const std::string& text) {
-    std::ofstream(::testing::TempDir() + file) << text;
+    std::ofstream(folder() + file) << text;
   };
   write("text.png", "not a picture");
   write("empty.png", "");
@@ -83,7 +93,7 @@ TEST(HeightFiles, BadOnesAreRefusedByLine) {
   write("short.asc", "ncols 3\nnrows 2\ncellsize 1\n1 2 3\n4 5\n");
   write("huge.asc", "ncols 1e9\nnrows 1e9\ncellsize 1\n1\n");
   cv::Mat gap(1, 2, CV_32FC1, cv::Scalar(std::nan("")));
-  ASSERT_TRUE(cv::imwrite(::testing::TempDir() + "gap.tiff", gap));
+  ASSERT_TRUE(cv::imwrite(folder() + "gap.tiff", gap));
   const auto field = [](const std::string& file) {
     return refusal("\nheight_field:\n  image: " + file + "\n");
   };
