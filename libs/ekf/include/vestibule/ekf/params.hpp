@@ -45,8 +45,8 @@ struct WheelParams {
 
 struct GyroParams {
   double noise_rad_sqrt_s = 0.002;  ///< [rad/sqrt(s)] angle random walk
-  /// [rad/sqrt(s)] the least at rest, without the vibration of driving. How much it is there, a stop
-  /// shows itself.
+  /// [rad/sqrt(s)] the least at rest, without the vibration of driving. How much it is there, a
+  /// stop shows itself.
   double rest_noise_rad_sqrt_s = 0.0005;
   double scale_sigma = 0.01;        ///< [-] of a turn
   double bias_sigma_radps = 0.006;  ///< [rad/s] at start
