@@ -1,5 +1,3 @@
-#include <malloc.h>
-
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -170,17 +168,6 @@ void mapWithoutSession(const MapArguments& args) {
   printMap(map, output);
 }
 
-/// A drive takes megabytes of scans and maps in turn: what was freed goes back to the system
-/// instead of waiting for something of the same size.
-void keepMemorySmall() {
-#ifdef __GLIBC__
-  constexpr int kLarge = 128 * 1024;
-  mallopt(M_MMAP_THRESHOLD, kLarge);
-  mallopt(M_TRIM_THRESHOLD, kLarge);
-#endif
-  giveBackLibraryPages();
-}
-
 void check(const MapArguments& args, bool known_poses) {
   if (args.log.empty() && !(args.cut && !args.extend.empty())) {
     throw ConfigError(
@@ -242,7 +229,8 @@ void addMap(CLI::App& app, int& exit_code) {
     if (!o->init.empty()) o->args.init = parsePose(o->init);
     check(o->args, o->known_poses);
     exit_code = kDone;
-    keepMemorySmall();
+    giveBackFreedBlocks();
+    giveBackLibraryPages();
     if (o->known_poses) {
       mapKnownPoses(o->args);
     } else if (o->args.log.empty()) {

@@ -57,8 +57,8 @@ struct TableView {
 inline constexpr int kFractionBits = 12;
 
 /// Adds to sum[k] the sum over the beams of table(position k + beam), for count positions. The
-/// beams' arrays hold `beams` entries, which may be any number. \param inside every sum of position
-/// and beam is known to fall into the table
+/// beams' arrays hold `beams` entries, which may be any number.
+/// \param inside every sum of position and beam is known to fall into the table
 void sumOverBeams(
     const TableView& table,
     const std::int32_t* beam_x,

@@ -48,9 +48,17 @@ int giveBack(dl_phdr_info* library, std::size_t /*size*/, void* /*data*/) {
 
 void giveBackFreedMemory() { malloc_trim(0); }
 
+void giveBackFreedBlocks() {
+  constexpr int kLarge = 128 * 1024;
+  mallopt(M_MMAP_THRESHOLD, kLarge);
+  mallopt(M_TRIM_THRESHOLD, kLarge);
+}
+
 void giveBackLibraryPages() { dl_iterate_phdr(&giveBack, nullptr); }
 #else
 void giveBackFreedMemory() {}
+
+void giveBackFreedBlocks() {}
 
 void giveBackLibraryPages() {}
 #endif

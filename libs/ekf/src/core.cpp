@@ -85,10 +85,11 @@ UpdateReport Core::take(const Imu& imu) {
   if (reckoning_.standstill() && last_imu_ && params().use.imuYawRate()) {
     const double interval_s = std::max(1e-3, toSeconds(imu.stamp - *last_imu_));
     const GyroParams& gyro = params().gyro;
+    const double of_reading = 1.0 / std::sqrt(interval_s);
     const double sigma = rest_noise_.note(
         reckoning_.rate(),
-        gyro.noise_rad_sqrt_s / std::sqrt(interval_s),
-        std::min(gyro.rest_noise_rad_sqrt_s, gyro.noise_rad_sqrt_s) / std::sqrt(interval_s));
+        gyro.noise_rad_sqrt_s * of_reading,
+        gyro.rest_noise_rad_sqrt_s * of_reading);
     odometry_.offerZeroRate(reckoning_.rate(), sigma);
     if (ready_) map_.offerZeroRate(reckoning_.rate(), sigma);
   } else {

@@ -11,8 +11,8 @@ namespace vestibule::ekf {
 /// bias is not (von Neumann's mean square successive difference, 1941).
 class RestNoise {
  public:
-  /// The next reading of this stop. Returns one sigma of a reading [rad/s]: `driving` until enough
-  /// is known, never below `least`.
+  /// The next reading of this stop. Returns one sigma of a reading [rad/s]: `driving` at first and
+  /// at most, else `least` at least.
   double note(const Eigen::Vector3d& rate_radps, double driving, double least) {
     if (previous_) {
       const double variance = (rate_radps - *previous_).squaredNorm() / 6.0;  // 3 axes, twice each
@@ -21,7 +21,7 @@ class RestNoise {
       variance_ = driving * driving;
     }
     previous_ = rate_radps;
-    return std::max(least, std::min(driving, std::sqrt(variance_)));
+    return std::min(driving, std::max(least, std::sqrt(variance_)));
   }
   void restart() { previous_.reset(); }
 

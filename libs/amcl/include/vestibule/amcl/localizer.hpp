@@ -17,10 +17,9 @@ namespace vestibule::amcl {
 /// seeds the particles.
 class Localizer {
  public:
-  /// \param observers may be null; receives what ParticleLocalizer emits, a PoseEvent per scan
-  /// (lost
-  ///   while searching), a PlacesEvent per scan that counts in a search, and a WarningEvent when a
-  ///   search begins
+  /// \param observers may be null; receives what ParticleLocalizer emits, a PoseEvent per scan,
+  ///   which is lost while a search runs, a PlacesEvent per scan that counts in a search, and a
+  ///   WarningEvent when a search begins
   Localizer(
       const AmclParams& params,
       std::shared_ptr<const grid::OccupancyMap> map,
