@@ -16,6 +16,10 @@ constexpr double kNeighbourSteps = 3.0;
 // Of beams that graze a wall the ends lie far apart, on a line.
 constexpr double kOnLine_m = 0.08;
 constexpr double kGrazing_m = 1.5;
+constexpr double kGrazingSteps = 14.0;  // of the beams' spacing there: 4 deg off the wall
+// The steps between them differ by no more than 3 to 1; a stray end far from two near ones makes a
+// line, too.
+constexpr double kLeastStep = 0.22;  // of both
 // A ray along a wall may clip it by a little. It is blocked only if its neighbours on both sides
 // are, too, well before its end.
 constexpr double kRaySide_m = 0.10;
@@ -65,19 +69,25 @@ ScanEnds spreadEnds(
     const Point2 along{ends[k].x - ends[i].x, ends[k].y - ends[i].y};
     const double length = std::hypot(along.x, along.y);
     const double off = along.x * (ends[j].y - ends[i].y) - along.y * (ends[j].x - ends[i].x);
-    return length < 3.0 * kGrazing_m && std::abs(off) < kOnLine_m * length;
+    const double before = std::hypot(ends[j].x - ends[i].x, ends[j].y - ends[i].y);
+    const double after = std::hypot(ends[k].x - ends[j].x, ends[k].y - ends[j].y);
+    return length < 3.0 * kGrazing_m && std::min(before, after) > kLeastStep * length &&
+           std::max(before, after) < length && std::abs(off) < kOnLine_m * length;
   };
   const auto same_surface = [&](std::size_t i, std::size_t j) {
     const double apart = std::hypot(ends[i].x - ends[j].x, ends[i].y - ends[j].y);
-    if (apart < std::max(
-                    kNeighbour_m,
-                    kNeighbourSteps * std::abs(scan.angle_step_rad) *
-                        static_cast<double>(scan.ranges_m[i]))) {
-      return true;
+    const double spacing =
+        std::abs(scan.angle_step_rad) * static_cast<double>(scan.ranges_m[i]);
+    if (apart < std::max(kNeighbour_m, kNeighbourSteps * spacing)) return true;
+    if (apart > std::min(kGrazing_m, kGrazingSteps * spacing) || (j != i + 1 && i != j + 1)) {
+      return false;
     }
-    if (apart > kGrazing_m || (j != i + 1 && i != j + 1)) return false;
+    // Four in a row: by chance three are on a line more often than one may think.
     const std::size_t first = std::min(i, j);
-    return on_line(first - 1, first, first + 1) || on_line(first, first + 1, first + 2);
+    for (const std::size_t from : {first - 2, first - 1, first}) {
+      if (on_line(from, from + 1, from + 2) && on_line(from + 1, from + 2, from + 3)) return true;
+    }
+    return false;
   };
   // A surface is hit by neighbouring beams; a lone end is dust, an edge or an error.
   const auto has_neighbour = [&](std::size_t i) {
