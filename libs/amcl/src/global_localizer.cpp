@@ -38,6 +38,9 @@ constexpr double kDoubtfulAdvantage = 2.0;
 // Two places nearer than this are one.
 constexpr double kSame_m = 0.35;
 constexpr double kSame_rad = degToRad(12.0);
+// A place is looked for once more within this before it is believed.
+constexpr double kAround_m = 1.0;
+constexpr double kAround_rad = degToRad(20.0);
 // The score that a prior can cost in the search, where it only ranks places.
 constexpr double kPriorScorePerNis = 0.002;
 
@@ -241,7 +244,17 @@ struct GlobalLocalizer::Impl {
     std::optional<grid::PosePrior> ranking;
     if (prior && travelled_m == 0.0) ranking = prior;
     if (ranking) ranking->weight = kPriorScorePerNis;
-    const auto found = matcher.match(field, searchPoints(), window(), &free_space, ranking);
+    add(matcher.match(field, searchPoints(), window(), &free_space, ranking));
+  }
+
+  /// Looks again about the best place: in drawing on from key to key it may have come off.
+  void searchAroundBest() {
+    const Pose2 T_map_best = hypotheses.front().T_map_base.mean;
+    add(matcher.match(
+        field, searchPoints(), {T_map_best, kAround_m, kAround_m, kAround_rad}, &free_space));
+  }
+
+  void add(const std::vector<grid::PoseMatch>& found) {
     std::vector<Hypothesis> fresh(found.size(), Hypothesis(params.surface_m));
     parallelFor(found.size(), threadCount(params.search.threads), [&](std::size_t i) {
       fresh[i] = judged(found[i].T_map_base);
@@ -249,10 +262,24 @@ struct GlobalLocalizer::Impl {
     for (Hypothesis& h : fresh) hypotheses.push_back(std::move(h));
   }
 
+  /// What small things say against a place: each at most that it has been moved.
+  [[nodiscard]] double ofThings(const Hypothesis& h) const {
+    std::map<std::int64_t, double> sums;
+    for (const ScanFit& fit : h.fits) {
+      for (const ThingEvidence& e : fit.things) sums[e.thing] += e.log_likelihood;
+    }
+    double sum = 0.0;
+    for (const auto& [thing, log_likelihood] : sums) {
+      sum += std::log(
+          params.moved_share + (1.0 - params.moved_share) * std::exp(log_likelihood));
+    }
+    return sum;
+  }
+
   /// Sums the evidence, best first; what is a double of a better one or hopeless goes.
   void rank() {
     for (Hypothesis& h : hypotheses) {
-      h.log_evidence = 0.0;
+      h.log_evidence = ofThings(h);
       h.inlier_share = 0.0;
       h.blocked_share = 0.0;
       const auto n = static_cast<double>(h.fits.size());
@@ -367,6 +394,10 @@ bool GlobalLocalizer::process(const LaserScan& scan) {
   s.rank();
   const double wait_m =
       s.state() == PlaceState::kNowhere ? s.params.first_search_m : s.next_search_m;
+  if (s.state() == PlaceState::kSure) {
+    s.searchAroundBest();
+    s.rank();
+  }
   const bool due = s.searches == 0 || s.travelled_m - s.searched_at_m >= wait_m;
   if (due && s.state() != PlaceState::kSure) {
     s.search();
@@ -451,6 +482,7 @@ void describe(ParamIo& io, GlobalParams& p) {
   io.optional("surface_share", p.surface_share, within(0.0, 1.0));
   io.optional("small_m", p.small_m, nonNegative());
   io.optional("movable_share", p.movable_share, within(0.0, 1.0));
+  io.optional("moved_share", p.moved_share, inside(0.0, 1.0));
   io.optional("inlier_distance_m", p.inlier_distance_m, positive());
   io.optional("min_travel_m", p.min_travel_m, nonNegative());
   io.optional("min_keys", p.min_keys, within(1, 1000));

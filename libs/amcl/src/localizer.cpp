@@ -20,12 +20,26 @@ constexpr double kSame_m = 0.3;
 constexpr double kSame_rad = degToRad(8.0);
 // In doubt, the particles are given up when their place has less than this of the weight.
 constexpr double kDoubted = 0.05;
+// After a jump that may be as much as this: who puts a robot down elsewhere does not ask where it
+// fits badly.
+constexpr double kDoubtedAfterJump = 0.9;
+// A jump: the particles have moved by so much more than the wheels within a little way.
+constexpr double kJumpSpan_m = 2.0;
+constexpr double kJump_m = 0.4;
+constexpr double kJumpPerM = 0.15;
+constexpr double kJump_rad = degToRad(20.0);
+constexpr double kJumpPerRad = 0.3;
 // But not before so many scans have been held against the map: one or two may be blocked.
 constexpr int kLooksInDoubt = 3;
 // A search is called off when the particles' place has more than this of the weight.
 constexpr double kStillThere = 0.98;
 // A scan with a smaller share of beams that end where the map knows something tells nothing.
 constexpr double kTellingShare = 0.25;
+// A fit of the last metres so much worse than what it was over more of them is no better than a bad
+// one: a robot that was carried to where it looks the same drives to where it does not.
+constexpr double kRecent_m = 1.0;
+constexpr double kUsual_m = 10.0;
+constexpr double kDropped = 0.75;
 // Nothing known: the pose is somewhere in a map of this size.
 constexpr double kNowhereSigma_m = 100.0;
 
@@ -43,6 +57,15 @@ struct Localizer::Impl {
   bool tracking = false;   // the particles have been started, and nothing said to forget them
   std::optional<Pose2> T_map_fitting;  // last fitting pose, carried on by odometry
   double since_fitting_m = 0.0;
+  // Where the particles were a little way ago, carried on by odometry.
+  Pose2 T_map_carried;
+  double carried_m = 0.0;
+  double carried_rad = 0.0;
+  bool jumped = false;  // since the search began or just before
+  // Shares of fitting beams, averaged over the way: of the last metre and of more.
+  std::optional<double> recent_share;
+  double usual_share = 0.0;
+  double since_share_m = 0.0;
   int looks = 0;    // scans that counted in this search
   int misfits = 0;  // used scans in a row that do not fit the particles' pose
   int fits = 0;     // and that do, while searching
@@ -58,6 +81,7 @@ struct Localizer::Impl {
 
   void startTracking() {
     looking = false;
+    jumped = false;
     searching = false;
     tracking = true;
     misfits = 0;
@@ -89,18 +113,49 @@ struct Localizer::Impl {
   /// Whether a scan fits the particles' pose, by its ends and by the free space before them. Ends
   /// where the map knows nothing say nothing: a robot may drive where nobody has mapped, and is not
   /// lost there.
-  [[nodiscard]] Fit fitOf(const LaserScan& scan, const ScanReport& report) const {
+  [[nodiscard]] Fit fitOf(const LaserScan& scan, const ScanReport& report) {
     const Place place = global.fitAt(scan, report.T_map_base.mean);
     if (place.known_share < kTellingShare) return Fit::kNone;
     // The more beams fit, the more may pass through what is mapped: blurred maps are like that.
     const double fitting = place.inlier_share / place.known_share / params.lost_inlier_share;
     const bool good =
         fitting >= 1.0 && place.blocked_share <= params.recovery.max_blocked_share * fitting;
-    return good ? Fit::kGood : Fit::kBad;
+    return good && !dropped(place.inlier_share / place.known_share) ? Fit::kGood : Fit::kBad;
+  }
+
+  /// Notes the share of a scan's beams that fit. \return whether it has become much worse
+  bool dropped(double share) {
+    if (!recent_share) {
+      recent_share = share;
+      usual_share = share;
+    }
+    *recent_share += (1.0 - std::exp(-since_share_m / kRecent_m)) * (share - *recent_share);
+    usual_share += (1.0 - std::exp(-since_share_m / kUsual_m)) * (share - usual_share);
+    since_share_m = 0.0;
+    return *recent_share < kDropped * usual_share;
+  }
+
+  void startCarrying() {
+    T_map_carried = particles.pose().mean;
+    carried_m = 0.0;
+    carried_rad = 0.0;
+  }
+
+  /// Whether the particles have left where the wheels would have taken them.
+  [[nodiscard]] bool jumps() {
+    const Pose2 off = between(T_map_carried, particles.pose().mean);
+    const bool far = translationNorm(off) > kJump_m + kJumpPerM * carried_m ||
+                     std::abs(off.phi) > kJump_rad + kJumpPerRad * carried_rad;
+    if (far || carried_m > kJumpSpan_m) startCarrying();
+    return far;
   }
 
   /// Also takes for trusted what has only left the mapped part.
   void watch(const LaserScan& scan, ScanReport& report) {
+    if (report.used && jumps()) {
+      jumped = true;
+      if (!looking) startLooking(lastPose());
+    }
     const Fit fit = report.used ? fitOf(scan, report) : Fit::kNone;
     if (fit == Fit::kNone) {
       report.trusted = report.trusted || (misfits == 0 && !searching);
@@ -166,6 +221,8 @@ struct Localizer::Impl {
                         kSeedSigma_rad * kSeedSigma_rad)
                         .asDiagonal();
         particles.initialise(std::vector<PoseMode>{{seed, 1.0}});
+        recent_share.reset();
+        startCarrying();
       }
       T_map_fitting = found.mean;
       since_fitting_m = 0.0;
@@ -177,9 +234,12 @@ struct Localizer::Impl {
     } else if (!searching) {
       // Scans that do not fit are no reason to give up a place when they fit no better elsewhere:
       // the surroundings have changed.
-      if (fitted) {
+      const double weight = weightOfTracked(places);
+      const bool elsewhere = jumped ? weight < kDoubtedAfterJump
+                                    : weight < kDoubted && global.state() != PlaceState::kNowhere;
+      if (fitted && !jumped) {
         startTracking();
-      } else if (looks >= kLooksInDoubt && weightOfTracked(places) < kDoubted) {
+      } else if (looks >= kLooksInDoubt && elsewhere) {
         giveUp(scan, report.inlier_share);
       }
     }
@@ -207,6 +267,8 @@ void Localizer::startAt(const PoseWithCovariance& T_map_base) {
   impl_->particles.initialise(T_map_base);
   impl_->T_map_fitting = T_map_base.mean;
   impl_->since_fitting_m = 0.0;
+  impl_->recent_share.reset();
+  impl_->startCarrying();
   impl_->startTracking();
 }
 
@@ -225,6 +287,10 @@ void Localizer::process(const WheelOdometry& odometry, YawSource yaw_source) {
   if (!isFinite(odometry.T_previous_now)) return;  // the others have said so
   if (s.T_map_fitting) s.T_map_fitting = compose(*s.T_map_fitting, odometry.T_previous_now);
   s.since_fitting_m += translationNorm(odometry.T_previous_now);
+  s.T_map_carried = compose(s.T_map_carried, odometry.T_previous_now);
+  s.carried_m += translationNorm(odometry.T_previous_now);
+  s.carried_rad += std::abs(odometry.T_previous_now.phi);
+  s.since_share_m += translationNorm(odometry.T_previous_now);
 }
 
 ScanReport Localizer::process(const LaserScan& scan) {

@@ -190,13 +190,14 @@ std::vector<std::uint8_t> unknownCells(const grid::OccupancyMap& map) {
 
 }  // namespace
 
-std::vector<std::uint8_t> smallThings(const grid::OccupancyMap& map, double small_m) {
+std::vector<std::uint32_t> smallThings(const grid::OccupancyMap& map, double small_m) {
   const int w = map.width();
   const int h = map.height();
   const auto at = [w](int x, int y) {
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(w) + static_cast<std::size_t>(x);
   };
-  std::vector<std::uint8_t> small(static_cast<std::size_t>(w) * static_cast<std::size_t>(h), 0);
+  std::vector<std::uint32_t> small(static_cast<std::size_t>(w) * static_cast<std::size_t>(h), 0);
+  std::uint32_t things = 0;
   std::vector<char> seen(small.size(), 0);
   std::vector<std::pair<int, int>> thing;
   const auto around = [&](int x, int y, const auto& visit) {
@@ -225,8 +226,9 @@ std::vector<std::uint8_t> smallThings(const grid::OccupancyMap& map, double smal
       }
       const double extent_m = map.resolution() * std::hypot(right - left + 1, top - y0 + 1);
       if (extent_m > small_m) continue;
+      ++things;
       for (const auto& [x, y] : thing) {
-        around(x, y, [&](int u, int v) { small[at(u, v)] = 1; });
+        around(x, y, [&](int u, int v) { small[at(u, v)] = things; });
       }
     }
   }
@@ -306,18 +308,25 @@ PoseWithCovariance ScanFitter::refined(
   return compose(T_map_cells_, PoseWithCovariance{T, (H + weak).inverse()});
 }
 
-bool ScanFitter::marked(const std::vector<std::uint8_t>& cells, const Point2& p_cells) const {
+template <class T>
+T ScanFitter::valueAt(const std::vector<T>& cells, const Point2& p_cells) const {
   const int ix = static_cast<int>(std::floor(p_cells.x / resolution_m_));
   const int iy = static_cast<int>(std::floor(p_cells.y / resolution_m_));
-  if (ix < 0 || iy < 0 || ix >= width_ || iy >= height_) return false;
+  if (ix < 0 || iy < 0 || ix >= width_ || iy >= height_) return 0;
   return cells
-             [static_cast<std::size_t>(iy) * static_cast<std::size_t>(width_) +
-              static_cast<std::size_t>(ix)] != 0;
+      [static_cast<std::size_t>(iy) * static_cast<std::size_t>(width_) +
+       static_cast<std::size_t>(ix)];
 }
 
-double ScanFitter::fixedShareOf(const Point2& p_map_obstacle) const {
-  return marked(movable_, transform(inverse(T_map_cells_), p_map_obstacle)) ? params_.movable_share
-                                                                            : 1.0;
+std::int64_t ScanFitter::thingAt(const Point2& p_map_obstacle) const {
+  return valueAt(movable_, transform(inverse(T_map_cells_), p_map_obstacle));
+}
+
+std::int64_t ScanFitter::squareAt(const Point2& p_cells, double side_m) {
+  constexpr std::int64_t kPerRow = std::int64_t{1} << 30;
+  const auto ix = static_cast<std::int64_t>(std::floor(p_cells.x / side_m));
+  const auto iy = static_cast<std::int64_t>(std::floor(p_cells.y / side_m));
+  return -kPerRow * kPerRow + kPerRow * iy + ix;
 }
 
 std::optional<Point2> ScanFitter::obstacleBefore(
@@ -365,25 +374,34 @@ ScanFit ScanFitter::fit(
   const Point2 p_map_laser = transform(T_map_base, p_base_laser);
   const double n = static_cast<double>(ends.p_base.size());
   const double log_blocked = std::log(params_.blocked_share);
+  const auto note = [&](std::int64_t thing, double log_likelihood) {
+    if (thing == 0) {
+      fit.log_likelihood += log_likelihood;
+    } else if (log_likelihood < 0.0) {
+      fit.things.push_back({thing, log_likelihood});
+    }
+  };
   for (std::size_t i = 0; i < ends.p_base.size(); ++i) {
     const Point2& p = ends.p_base[i];
     const Point2 p_cells = transform(T_cells_base, p);
     const double d = interpolated(p_cells).d_m;
     const double u = d / params_.sigma_hit_m;
     // Where nobody has looked anything may stand.
-    const bool unknown = marked(unknown_, p_cells);
+    const bool unknown = valueAt(unknown_, p_cells) != 0;
     const double is_new = (news.empty() ? 1.0 : news[i]) * (unknown ? params_.movable_share : 1.0);
-    fit.log_likelihood +=
+    const bool small = ends.stand_out[i] != 0 && d >= params_.inlier_distance_m;
+    note(
+        small ? squareAt(p_cells, params_.small_m) : 0,
         is_new * params_.surface_share *
-        std::log(params_.random_share + (1.0 - params_.random_share) * std::exp(-0.5 * u * u));
+            std::log(params_.random_share + (1.0 - params_.random_share) * std::exp(-0.5 * u * u)));
     const auto obstacle = obstacleBefore(transform(T_map_base, p), p_map_laser, kRayMargin_m);
     if (obstacle) {
-      const double fixed_share = fixedShareOf(*obstacle);
+      const std::int64_t thing = thingAt(*obstacle);
+      const double fixed_share = thing == 0 ? 1.0 : params_.movable_share;
       // An end on an obstacle behind another one: cluttered maps are like that.
       const bool fits_behind = d < params_.inlier_distance_m;
       fit.blocked_share += fixed_share * (fits_behind ? kFitsBehind : 1.0) / n;
-      fit.log_likelihood +=
-          missing.newsOf(*obstacle) * params_.surface_share * fixed_share * log_blocked;
+      note(thing, missing.newsOf(*obstacle) * params_.surface_share * fixed_share * log_blocked);
     } else if (d < params_.inlier_distance_m) {
       fit.inlier_share += 1.0 / n;
     }
@@ -396,7 +414,9 @@ ScanFit ScanFitter::fit(
     if (obstacle) {
       const bool follows = last && distance(*last, *obstacle) < kGrazing_m;
       const double is_new = follows ? missing.newsOf(*last, *obstacle) : missing.newsOf(*obstacle);
-      fit.log_likelihood += is_new * params_.surface_share * fixedShareOf(*obstacle) * log_no_echo;
+      const std::int64_t thing = thingAt(*obstacle);
+      const double fixed_share = thing == 0 ? 1.0 : params_.movable_share;
+      note(thing, is_new * params_.surface_share * fixed_share * log_no_echo);
     }
     last = obstacle;
   }

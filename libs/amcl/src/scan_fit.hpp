@@ -47,13 +47,22 @@ struct ScanEnds {
 [[nodiscard]] std::vector<Point2> spreadGaps(
     const LaserScan& scan, double max_range_m, std::size_t count);
 
-/// Per cell of a map: 1 at and beside occupied cells that hang together with no more than small_m
-/// of others.
-[[nodiscard]] std::vector<std::uint8_t> smallThings(const grid::OccupancyMap& map, double small_m);
+/// Per cell of a map: the number, from 1, of the thing no larger than small_m whose occupied cells
+/// it is one of or beside; 0 = none.
+[[nodiscard]] std::vector<std::uint32_t> smallThings(
+    const grid::OccupancyMap& map, double small_m);
+
+/// What a scan says of something small: mapped and not seen, or seen and not mapped.
+struct ThingEvidence {
+  std::int64_t thing = 0;       ///< its number; below 0 a square of the map with what is not mapped
+  double log_likelihood = 0.0;  ///< that it is where the map has it; 0 = nothing against that
+};
 
 /// How one scan fits at a pose.
 struct ScanFit {
-  double log_likelihood = 0.0;  ///< of what is new, 0 = every beam ends on an obstacle
+  /// Of what is new, 0 = every beam ends on an obstacle; without small things.
+  double log_likelihood = 0.0;
+  std::vector<ThingEvidence> things;  ///< may name one several times
   double inlier_share = 0.0;
   double known_share = 0.0;    ///< of beams that end where the map knows something or passed a wall
   double blocked_share = 0.0;  ///< small mapped things in the way count movable_share
@@ -90,9 +99,13 @@ class ScanFitter {
     double gx = 0.0;  // gradient in grid axes
     double gy = 0.0;
   };
-  [[nodiscard]] bool marked(const std::vector<std::uint8_t>& cells, const Point2& p_cells) const;
-  /// How much a mapped obstacle counts that is not there.
-  [[nodiscard]] double fixedShareOf(const Point2& p_map_obstacle) const;
+  /// The value of the cell at a point, 0 off the map.
+  template <class T>
+  [[nodiscard]] T valueAt(const std::vector<T>& cells, const Point2& p_cells) const;
+  /// The small thing that a mapped obstacle belongs to; 0 = none.
+  [[nodiscard]] std::int64_t thingAt(const Point2& p_map_obstacle) const;
+  /// Of something small that is not mapped: its square.
+  [[nodiscard]] static std::int64_t squareAt(const Point2& p_cells, double side_m);
   [[nodiscard]] Distance interpolated(const Point2& p_grid) const;
   /// The first mapped obstacle on the way to a point, more than margin_m before it.
   [[nodiscard]] std::optional<Point2> obstacleBefore(
@@ -101,7 +114,7 @@ class ScanFitter {
   const GlobalParams& params_;
   grid::DistanceField distances_;
   grid::RayCaster rays_;
-  std::vector<std::uint8_t> movable_;  // 1 at and beside occupied cells of small things
+  std::vector<std::uint32_t> movable_;  // small things
   std::vector<std::uint8_t> unknown_;
   int width_;
   int height_;

@@ -33,7 +33,7 @@ constexpr double kSame_m = 1.0;
 constexpr double kSame_rad = degToRad(20.0);
 
 grid::OccupancyMap withoutSmallThings(const grid::OccupancyMap& map, double small_m) {
-  const std::vector<std::uint8_t> small = smallThings(map, small_m);
+  const std::vector<std::uint32_t> small = smallThings(map, small_m);
   std::vector<grid::Cell> cells;
   for (int y = 0; y < map.height(); ++y) {
     for (int x = 0; x < map.width(); ++x) {

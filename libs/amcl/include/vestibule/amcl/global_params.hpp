@@ -31,13 +31,14 @@ struct GlobalParams {
   /// in a scan, counts movable_share; so do ends where the map knows nothing.
   double small_m = 3.0;
   double movable_share = 0.25;
+  double moved_share = 0.2;  ///< of these that are elsewhere by now: one says no more than its log
   double inlier_distance_m = 0.20;  ///< a beam ending this near to an obstacle fits
   // --- the decision ------------------------------------------------------------------------------
   double min_travel_m = 1.0;        ///< driven before a place is believed ...
   int min_keys = 4;                 ///< ... and scans that fit there
   double min_inlier_share = 0.55;   ///< of the beams, on average
   double max_blocked_share = 0.15;  ///< of the beams, on average
-  double min_advantage = 10.0;      ///< log odds of the best place against all others
+  double min_advantage = 8.0;      ///< log odds of the best place against all others
   double first_search_m = 1.0;      ///< driven between two searches, doubled from one to the next
   double max_search_m = 4.0;        ///< but no more than this
 };
