@@ -270,8 +270,7 @@ struct GlobalLocalizer::Impl {
     }
     double sum = 0.0;
     for (const auto& [thing, log_likelihood] : sums) {
-      sum += std::log(
-          params.moved_share + (1.0 - params.moved_share) * std::exp(log_likelihood));
+      sum += std::log(params.moved_share + (1.0 - params.moved_share) * std::exp(log_likelihood));
     }
     return sum;
   }

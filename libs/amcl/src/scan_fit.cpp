@@ -76,8 +76,7 @@ ScanEnds spreadEnds(
   };
   const auto same_surface = [&](std::size_t i, std::size_t j) {
     const double apart = std::hypot(ends[i].x - ends[j].x, ends[i].y - ends[j].y);
-    const double spacing =
-        std::abs(scan.angle_step_rad) * static_cast<double>(scan.ranges_m[i]);
+    const double spacing = std::abs(scan.angle_step_rad) * static_cast<double>(scan.ranges_m[i]);
     if (apart < std::max(kNeighbour_m, kNeighbourSteps * spacing)) return true;
     if (apart > std::min(kGrazing_m, kGrazingSteps * spacing) || (j != i + 1 && i != j + 1)) {
       return false;

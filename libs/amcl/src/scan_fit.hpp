@@ -49,8 +49,7 @@ struct ScanEnds {
 
 /// Per cell of a map: the number, from 1, of the thing no larger than small_m whose occupied cells
 /// it is one of or beside; 0 = none.
-[[nodiscard]] std::vector<std::uint32_t> smallThings(
-    const grid::OccupancyMap& map, double small_m);
+[[nodiscard]] std::vector<std::uint32_t> smallThings(const grid::OccupancyMap& map, double small_m);
 
 /// What a scan says of something small: mapped and not seen, or seen and not mapped.
 struct ThingEvidence {
