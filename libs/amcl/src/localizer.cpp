@@ -30,7 +30,7 @@ constexpr double kJumpPerM = 0.15;
 constexpr double kJump_rad = degToRad(20.0);
 constexpr double kJumpPerRad = 0.3;
 // But not before so many scans have been held against the map: one or two may be blocked.
-constexpr int kLooksInDoubt = 3;
+constexpr int kLooksInDoubt = 5;
 // A search is called off when the particles' place has more than this of the weight.
 constexpr double kStillThere = 0.98;
 // A scan with a smaller share of beams that end where the map knows something tells nothing.
