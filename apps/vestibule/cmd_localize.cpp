@@ -144,9 +144,9 @@ void tellAmclNames(Options& o) {
   if (o.init.empty() && !o.global && names.T_map_base_init) o.args.init = names.T_map_base_init;
 }
 
-/// No scan moved the given pose.
+/// No scan moved the given pose, or was searched with.
 bool sawNothing(const pipeline::LocalizeResult& result) {
-  return result.scans_used == 0 && result.searching_scans == 0;
+  return result.scans_used == 0 && result.searches == 0;
 }
 
 }  // namespace

@@ -70,9 +70,10 @@ struct Localizer::Impl {
   std::optional<double> recent_share;
   double usual_share = 0.0;
   double since_share_m = 0.0;
-  int looks = 0;    // scans that counted in this search
-  int misfits = 0;  // used scans in a row that do not fit the particles' pose
-  int fits = 0;     // and that do, while searching
+  int looks = 0;       // scans that counted in this search
+  int misfits = 0;     // used scans in a row that do not fit the particles' pose
+  int fits = 0;        // and that do, while searching
+  bool blind = false;  // the last scan of a search had next to no echo
   int recoveries = 0;
   int searches_before = 0;
 
@@ -204,7 +205,25 @@ struct Localizer::Impl {
            std::abs(angleDiff(T_map_base.phi, T.phi)) < kSame_rad;
   }
 
+  /// Says once that a search has nothing to search with; the particles say it of themselves.
+  void sayBlind(const LaserScan& scan) {
+    constexpr std::size_t kFewest = 10;
+    std::size_t valid = 0;
+    for (std::size_t i = 0; i < scan.ranges_m.size(); ++i) valid += scan.valid(i) ? 1U : 0U;
+    const bool was_blind = blind;
+    blind = valid < kFewest;
+    if (!blind || was_blind || observers == nullptr) return;
+    WarningEvent event;
+    event.stamp = scan.stamp;
+    event.component = "amcl";
+    event.text = "scan not used in the search: too few beams with an echo";
+    event.value = static_cast<double>(valid);
+    event.limit = static_cast<double>(kFewest);
+    observers->emit(event);
+  }
+
   void search(const LaserScan& scan, const ScanReport& report) {
+    sayBlind(scan);
     const bool counted = global.process(scan);
     looks += counted ? 1 : 0;
     if (counted && tracking) global.suggest(particles.pose().mean);
