@@ -27,6 +27,7 @@ struct Arguments {
 
 constexpr double kRightBar = 0.98;
 constexpr double kWrongBar = 0.005;
+constexpr double kSearchBar_m2ps = 100.0 * 60.0;
 
 /// A share with its 95 % interval by the bootstrap.
 struct Share {
@@ -161,6 +162,10 @@ gui_headless::ReportSection lostSection(
   return section;
 }
 
+double areaOf(const grid::OccupancyMap& map) {
+  return map.width() * map.resolution() * map.height() * map.resolution();
+}
+
 using Bench = std::vector<pipeline::LostTrial> (*)(
     const pipeline::LostPlace&,
     const pipeline::Config&,
@@ -236,8 +241,6 @@ void runLost(const std::string& command, Bench bench, const Arguments& args, int
     s["elapsed_s_p95"] = rounded(quantile(elapsed, 0.95), 3);
     s["trials"] = list;
     output.summary()["places"][name] = s;
-    timing[name]["first_search_s_p50"] = rounded(quantile(first, 0.5), 4);
-    timing[name]["first_search_s_max"] = rounded(quantile(first, 1.0), 4);
     auto section = lostSection(*place.map, name, trials);
     section.figures = {
         shareFigure("right", right, right.value >= kRightBar, ">= 98"),
@@ -248,6 +251,15 @@ void runLost(const std::string& command, Bench bench, const Arguments& args, int
         figure("time, median", fixed(quantile(elapsed, 0.5), 1), "s"),
         figure("time, 95 %", fixed(quantile(elapsed, 0.95), 1), "s"),
         figure("searches of the map, median", fixed(quantile(searches, 0.5), 0))};
+    if (quantile(first, 1.0) > 0.0) {
+      timing[name]["first_search_s_p50"] = rounded(quantile(first, 0.5), 4);
+      timing[name]["first_search_s_max"] = rounded(quantile(first, 1.0), 4);
+      const double bar_s = std::max(1.0, areaOf(*place.map) / kSearchBar_m2ps);
+      section.figures.push_back(
+          figureAtMost("first search (wall time), median", quantile(first, 0.5), 2, "s", bar_s));
+      section.figures.push_back(
+          figure("first search (wall time), longest", fixed(quantile(first, 1.0), 2), "s"));
+    }
     report.sections.push_back(std::move(section));
   };
   for (const std::string& path : args.maps) {

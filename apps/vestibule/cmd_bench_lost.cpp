@@ -26,6 +26,7 @@ std::string reliabilityDiagram(const pipeline::Reliability& r) {
   chart.title = "Reliability of the probability of being lost";
   chart.x_label = "what it said";
   chart.y_label = "how often it was so";
+  chart.share = true;
   gui_headless::Series measured{"measured", gui_headless::SeriesLook::kEstimate, {}};
   for (const auto& bin : r.bins) {
     if (bin.samples > 0) measured.points.emplace_back(bin.mean_probability, bin.lost_share);

@@ -6,6 +6,8 @@
 #include "runs.hpp"
 #include "terminal.hpp"
 #include "vestibule/amcl/amcl_names.hpp"
+#include "vestibule/amcl/particle_localizer.hpp"
+#include "vestibule/core/memory.hpp"
 #include "vestibule/io/map_io.hpp"
 
 namespace vestibule::app {
@@ -19,6 +21,7 @@ pipeline::Config localizeConfig(const LocalizeArguments& args) {
 gui_headless::ReportSection runLocalize(
     const LocalizeArguments& args, RunOutput& output, pipeline::LocalizeResult& result) {
   const auto map = std::make_shared<const grid::OccupancyMap>(io::loadMap(args.map));
+  amcl::requireUsable(*map, args.map);
   const pipeline::Config config = localizeConfig(args);
   io::RecordingOptions options;
   options.rig = config.rig;
@@ -141,6 +144,11 @@ void tellAmclNames(Options& o) {
   if (o.init.empty() && !o.global && names.T_map_base_init) o.args.init = names.T_map_base_init;
 }
 
+/// No scan moved the given pose, or was searched with.
+bool sawNothing(const pipeline::LocalizeResult& result) {
+  return result.scans_used == 0 && result.searches == 0;
+}
+
 }  // namespace
 
 void addLocalize(CLI::App& app, int& exit_code) {
@@ -170,6 +178,8 @@ void addLocalize(CLI::App& app, int& exit_code) {
     }
     o->args.title = "Localization in a prebuilt map";
     if (!o->args.amcl_params.empty()) tellAmclNames(*o);
+    giveBackFreedBlocks();
+    giveBackLibraryPages();
     RunOutput output(o->out, "localize", localizeConfig(o->args));
     pipeline::LocalizeResult result;
     gui_headless::Report report;
@@ -193,6 +203,7 @@ void addLocalize(CLI::App& app, int& exit_code) {
         end.y,
         radToDeg(end.phi),
         result.trusted_at_end            ? "trusted"
+        : sawNothing(result)             ? "NOT KNOWN: no scan could be used, see the events"
         : result.final_state == "unsure" ? "NOT SURE: it may also be elsewhere, see final_places"
                                          : "LOST: the scans do not fit the map there",
         output.pathOf("report.html").c_str());

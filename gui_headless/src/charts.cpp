@@ -233,8 +233,8 @@ std::string lineChart(const LineChart& chart) {
   // The axis ends on round numbers, with a little air above the highest value.
   const double air = 0.06 * (y_range.high - y_range.low);
   const double step = niceStep((y_range.high + air - y_range.low) / 5.0);
-  const double y_low = std::floor(y_range.low / step + 1e-9) * step;
-  const double y_high = std::ceil((y_range.high + air) / step - 1e-9) * step;
+  const double y_low = chart.share ? 0.0 : std::floor(y_range.low / step + 1e-9) * step;
+  const double y_high = chart.share ? 1.0 : std::ceil((y_range.high + air) / step - 1e-9) * step;
   const Axis x{x_range.low, x_range.high, kLeft, kWidth - kRight};
   const Axis y{y_low, y_high, kHeight - kBottom, kTop};
 

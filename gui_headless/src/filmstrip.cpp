@@ -88,9 +88,11 @@ std::string renderFilmstrip(const RunRecorder& run, const Scene& scene) {
       static_cast<int>(std::lround(kDensity * height)),
       kDensity,
       palette::kPaper);
+  // As on the time axes of the charts.
+  const Timestamp began = run.span() ? run.span()->first : snapshots.front().stamp;
   for (std::size_t k = 0; k < n; ++k) {
     const std::size_t i = n == 1 ? 0 : k * (snapshots.size() - 1) / (n - 1);
-    const double since_s = toSeconds(snapshots[i].stamp - snapshots.front().stamp);
+    const double since_s = toSeconds(snapshots[i].stamp - began);
     drawPanel(
         canvas,
         snapshots[i],

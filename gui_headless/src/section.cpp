@@ -153,6 +153,7 @@ class SectionBuilder {
   }
   [[nodiscard]] std::string particleTrustChart() const {
     LineChart chart = timeChart("Trust in the particles", "share");
+    chart.share = true;
     chart.series.push_back(
         {"beams on mapped obstacles", SeriesLook::kEstimate, overTime([](const ParticleSample& s) {
            return s.inlier_share;

@@ -40,6 +40,9 @@ constexpr double kTellingShare = 0.25;
 constexpr double kRecent_m = 1.0;
 constexpr double kUsual_m = 10.0;
 constexpr double kDropped = 0.75;
+// A pose that only odometry carries on is trusted while it is known this well [one sigma].
+constexpr double kCarriedOn_m = 0.5;
+constexpr double kCarriedOn_rad = degToRad(10.0);
 // Nothing known: the pose is somewhere in a map of this size.
 constexpr double kNowhereSigma_m = 100.0;
 
@@ -54,6 +57,7 @@ struct Localizer::Impl {
   const Observers* observers;
   bool looking = false;    // the search runs
   bool searching = false;  // and the particles' place is no better than what it has found
+  bool confirmed = false;  // a scan has fitted since the pose was given
   bool tracking = false;   // the particles have been started, and nothing said to forget them
   std::optional<Pose2> T_map_fitting;  // last fitting pose, carried on by odometry
   double since_fitting_m = 0.0;
@@ -66,9 +70,10 @@ struct Localizer::Impl {
   std::optional<double> recent_share;
   double usual_share = 0.0;
   double since_share_m = 0.0;
-  int looks = 0;    // scans that counted in this search
-  int misfits = 0;  // used scans in a row that do not fit the particles' pose
-  int fits = 0;     // and that do, while searching
+  int looks = 0;       // scans that counted in this search
+  int misfits = 0;     // used scans in a row that do not fit the particles' pose
+  int fits = 0;        // and that do, while searching
+  bool blind = false;  // the last scan of a search had next to no echo
   int recoveries = 0;
   int searches_before = 0;
 
@@ -150,7 +155,11 @@ struct Localizer::Impl {
     return far;
   }
 
-  /// Also takes for trusted what has only left the mapped part.
+  [[nodiscard]] static bool knownWell(const Eigen::Matrix3d& cov) {
+    return std::sqrt(cov(0, 0) + cov(1, 1)) < kCarriedOn_m && std::sqrt(cov(2, 2)) < kCarriedOn_rad;
+  }
+
+  /// Also takes for trusted what has only left the mapped part, or sees nothing for a while.
   void watch(const LaserScan& scan, ScanReport& report) {
     if (report.used && jumps()) {
       jumped = true;
@@ -158,7 +167,8 @@ struct Localizer::Impl {
     }
     const Fit fit = report.used ? fitOf(scan, report) : Fit::kNone;
     if (fit == Fit::kNone) {
-      report.trusted = report.trusted || (misfits == 0 && !searching);
+      const bool carried_on = confirmed && misfits == 0 && !searching;
+      report.trusted = report.trusted || (carried_on && knownWell(report.T_map_base.cov));
       return;
     }
     if (fit == Fit::kGood) {
@@ -166,6 +176,7 @@ struct Localizer::Impl {
       T_map_fitting = particles.pose().mean;
       since_fitting_m = 0.0;
       misfits = 0;
+      confirmed = true;
       ++fits;
       return;
     }
@@ -194,7 +205,25 @@ struct Localizer::Impl {
            std::abs(angleDiff(T_map_base.phi, T.phi)) < kSame_rad;
   }
 
+  /// Says once that a search has nothing to search with; the particles say it of themselves.
+  void sayBlind(const LaserScan& scan) {
+    constexpr std::size_t kFewest = 10;
+    std::size_t valid = 0;
+    for (std::size_t i = 0; i < scan.ranges_m.size(); ++i) valid += scan.valid(i) ? 1U : 0U;
+    const bool was_blind = blind;
+    blind = valid < kFewest;
+    if (!blind || was_blind || observers == nullptr) return;
+    WarningEvent event;
+    event.stamp = scan.stamp;
+    event.component = "amcl";
+    event.text = "scan not used in the search: too few beams with an echo";
+    event.value = static_cast<double>(valid);
+    event.limit = static_cast<double>(kFewest);
+    observers->emit(event);
+  }
+
   void search(const LaserScan& scan, const ScanReport& report) {
+    sayBlind(scan);
     const bool counted = global.process(scan);
     looks += counted ? 1 : 0;
     if (counted && tracking) global.suggest(particles.pose().mean);
@@ -224,6 +253,7 @@ struct Localizer::Impl {
         recent_share.reset();
         startCarrying();
       }
+      confirmed = true;
       T_map_fitting = found.mean;
       since_fitting_m = 0.0;
       startTracking();
@@ -266,6 +296,7 @@ Localizer::~Localizer() = default;
 void Localizer::startAt(const PoseWithCovariance& T_map_base) {
   impl_->particles.initialise(T_map_base);
   impl_->T_map_fitting = T_map_base.mean;
+  impl_->confirmed = false;
   impl_->since_fitting_m = 0.0;
   impl_->recent_share.reset();
   impl_->startCarrying();

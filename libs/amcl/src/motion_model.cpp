@@ -14,7 +14,8 @@ PoseWithCovariance likelyMotion(const Motion& motion, const MotionNoise& noise) 
   PoseWithCovariance result;
   result.mean = motion.T_from_to;
   double along = squared(noise.trans_per_trans * d) +
-                 squared(noise.trans_per_rot * motion.turned_rad) + squared(noise.min_trans_m);
+                 squared(noise.trans_per_rot * motion.turned_rad) + squared(noise.min_trans_m) +
+                 squared(motion.timing_m);
   double across = squared(noise.min_trans_m);
   switch (noise.model) {
     case MotionModel::kDifferential:

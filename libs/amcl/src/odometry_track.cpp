@@ -15,7 +15,16 @@ void OdometryTrack::add(const WheelOdometry& odometry) {
   if (!path_.empty() && odometry.stamp < path_.back().stamp) path_.clear();
   if (path_.empty())
     path_.push_back({odometry.stamp - durationFromSeconds(odometry.dt_s), T_odom_base_});
-  T_odom_base_ = compose(T_odom_base_, odometry.T_previous_now);
+  T_odom_read_ = compose(T_odom_read_, odometry.T_previous_now);
+  T_odom_base_ = T_odom_read_;
+  if (odometry.stamp_borrowed) {
+    if (!missing_) missing_.emplace();
+    missing_->take(odometry.T_previous_now.x, odometry.dt_s);
+    // Straight on: how the robot turned meanwhile is not known, and nothing grows with it.
+    T_odom_base_ = compose(T_odom_read_, Pose2{missing_->mean_m(), 0.0, 0.0});
+  } else {
+    missing_.reset();
+  }
   path_.push_back({odometry.stamp, T_odom_base_});
   while (toSeconds(odometry.stamp - path_.front().stamp) > kRemembered_s) path_.pop_front();
   const bool tells_speed = odometry.dt_s > 0.0 && odometry.dt_s <= kLongestPeriod_s;

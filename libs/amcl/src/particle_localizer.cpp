@@ -77,18 +77,49 @@ PoseWithCovariance composeBoth(const PoseWithCovariance& T_a_b, const PoseWithCo
   return result;
 }
 
+/// The free cells of a map by their number among them, without a list of all of them.
+class FreeCells {
+ public:
+  explicit FreeCells(const grid::OccupancyMap& map) : map_(map) {
+    const std::size_t cells = cellCount();
+    free_before_.reserve(cells / kBlock + 2);
+    for (std::size_t cell = 0; cell < cells; ++cell) {
+      if (cell % kBlock == 0) free_before_.push_back(size_);
+      if (isFree(cell)) ++size_;
+    }
+  }
+
+  [[nodiscard]] std::size_t size() const { return size_; }
+  /// \pre k < size(). The cell's place in the map, row by row.
+  [[nodiscard]] std::size_t operator[](std::size_t k) const {
+    const auto after = std::upper_bound(free_before_.begin(), free_before_.end(), k);
+    const auto block = static_cast<std::size_t>(after - free_before_.begin()) - 1;
+    std::size_t cell = block * kBlock;
+    for (std::size_t seen = free_before_[block];; ++cell) {
+      if (isFree(cell) && seen++ == k) return cell;
+    }
+  }
+
+ private:
+  static constexpr std::size_t kBlock = 64;
+
+  [[nodiscard]] std::size_t cellCount() const {
+    return static_cast<std::size_t>(map_.width()) * static_cast<std::size_t>(map_.height());
+  }
+  [[nodiscard]] bool isFree(std::size_t cell) const {
+    const auto width = static_cast<std::size_t>(map_.width());
+    return map_.cell(static_cast<int>(cell % width), static_cast<int>(cell / width)) ==
+           grid::Cell::kFree;
+  }
+
+  const grid::OccupancyMap& map_;
+  std::size_t size_ = 0;
+  std::vector<std::size_t> free_before_;  // each block of cells
+};
+
 /// The map, if there is anything in it to localize by.
 std::shared_ptr<const grid::OccupancyMap> usable(std::shared_ptr<const grid::OccupancyMap> map) {
-  if (map->count(grid::Cell::kFree) == 0) {
-    throw InputError(
-        "the map has no free cell, so the robot cannot be anywhere in it; check its image, "
-        "thresholds and negate");
-  }
-  if (map->count(grid::Cell::kOccupied) == 0) {
-    throw InputError(
-        "the map has no occupied cell, so scans say nothing in it; check its image, thresholds and "
-        "negate");
-  }
+  requireUsable(*map, "the map");
   return map;
 }
 
@@ -98,6 +129,20 @@ double mahalanobis2(const Pose2& a, const Pose2& b, const Eigen::Matrix3d& cov) 
 }
 
 }  // namespace
+
+void requireUsable(const grid::OccupancyMap& map, const std::string& name) {
+  if (map.count(grid::Cell::kFree) == 0) {
+    throw InputError(
+        name +
+        ": no free cell, so the robot cannot be anywhere in it; check its image, thresholds and "
+        "negate");
+  }
+  if (map.count(grid::Cell::kOccupied) == 0) {
+    throw InputError(
+        name +
+        ": no occupied cell, so scans say nothing in it; check its image, thresholds and negate");
+  }
+}
 
 double inlierShare(
     const LaserScan& scan,
@@ -142,6 +187,7 @@ struct ParticleLocalizer::Impl {
   double travelled_m = 0.0;  // since then
   double turned_rad = 0.0;
   double gyro_rad = 0.0;
+  double timing_var_m2 = 0.0;  // of T_odom_update
 
   std::optional<Timestamp> last_odometry;
   std::optional<Timestamp> start_stamp;  // of the odometry when the particles were drawn
@@ -198,6 +244,7 @@ struct ParticleLocalizer::Impl {
     start_stamp = last_odometry;
     evidence = {};
     T_odom_update = odometry.now();
+    timing_var_m2 = odometry.timingVar_m2();
     travelled_m = turned_rad = gyro_rad = 0.0;
     residual_sigma_m = params.field.sigma_hit_m;
     wall_offset_cov.setZero();
@@ -236,6 +283,7 @@ struct ParticleLocalizer::Impl {
     motion.travelled_m = translationNorm(motion.T_from_to);
     motion.turned_rad = std::abs(motion.T_from_to.phi);
     motion.gyro_rad = turned_rad > 0.0 ? motion.turned_rad * gyro_rad / turned_rad : 0.0;
+    motion.timing_m = timingSigma();
     MotionNoise noise = params.motion;
     noise.min_trans_m = 0.0;
     noise.min_rot_rad = 0.0;
@@ -246,12 +294,21 @@ struct ParticleLocalizer::Impl {
     return compose(map->T_map_grid(), T);
   }
 
+  /// One sigma, along the way since the last update, of when its odometry was read [m].
+  [[nodiscard]] double timingSigma() const {
+    return travelled_m > 0.0 ? std::sqrt(timing_var_m2 + odometry.timingVar_m2()) : 0.0;
+  }
+
+  /// What the odometry says of the way since the last update.
+  [[nodiscard]] Motion motionTo(const Pose2& T_odom_scan) const {
+    return {between(T_odom_update, T_odom_scan), travelled_m, turned_rad, gyro_rad, timingSigma()};
+  }
+
   /// Whether the scan contradicts where the odometry led the tracked pose.
   [[nodiscard]] bool surprises(
       const LaserScan& scan, const std::vector<Point2>& all_ends, const Pose2& T_odom_scan) const {
     if (!tracking) return false;
-    const PoseWithCovariance step = likelyMotion(
-        {between(T_odom_update, T_odom_scan), travelled_m, turned_rad, gyro_rad}, params.motion);
+    const PoseWithCovariance step = likelyMotion(motionTo(T_odom_scan), params.motion);
     const TrackState prior = trackState(composeBoth(estimate, step), wall_offset_cov);
     const Refinement test = refine(
         field,
@@ -389,8 +446,7 @@ struct ParticleLocalizer::Impl {
 
   void updateParticles(
       const std::vector<Point2>& all_ends, const Point2& p_base_laser, const Pose2& T_odom_scan) {
-    const PoseWithCovariance step = likelyMotion(
-        {between(T_odom_update, T_odom_scan), travelled_m, turned_rad, gyro_rad}, params.motion);
+    const PoseWithCovariance step = likelyMotion(motionTo(T_odom_scan), params.motion);
     const std::vector<Point2> chosen = weighed(all_ends);
     const std::vector<Point2> ends = withoutSkipped(chosen, step.mean);
     report.beams = ends.size();
@@ -422,6 +478,7 @@ struct ParticleLocalizer::Impl {
     }
     resample(searching);
     T_odom_update = T_odom_scan;
+    timing_var_m2 = odometry.timingVar_m2();
     travelled_m = turned_rad = gyro_rad = 0.0;
   }
 
@@ -689,14 +746,7 @@ void ParticleLocalizer::initialise(const std::vector<PoseMode>& modes) {
 
 void ParticleLocalizer::initialiseGlobally() {
   const grid::OccupancyMap& map = *impl_->map;
-  std::vector<std::uint32_t> free_cells;
-  for (int iy = 0; iy < map.height(); ++iy) {
-    for (int ix = 0; ix < map.width(); ++ix) {
-      if (map.cell(ix, iy) == grid::Cell::kFree) {
-        free_cells.push_back(static_cast<std::uint32_t>(iy * map.width() + ix));
-      }
-    }
-  }
+  const FreeCells free_cells(map);
   const double free_m2 =
       static_cast<double>(free_cells.size()) * map.resolution() * map.resolution();
   const int n = std::clamp(
@@ -706,10 +756,11 @@ void ParticleLocalizer::initialiseGlobally() {
   RandomStream rng = impl_->stream("amcl-init");
   impl_->particles.resize(static_cast<std::size_t>(n));
   for (int i = 0; i < n; ++i) {
-    const auto cell = static_cast<int>(free_cells[static_cast<std::size_t>(
-        rng.uniform() * static_cast<double>(free_cells.size()))]);
-    const double x = cell % map.width() + rng.uniform();
-    const double y = cell / map.width() + rng.uniform();
+    const std::size_t cell = free_cells[static_cast<std::size_t>(
+        rng.uniform() * static_cast<double>(free_cells.size()))];
+    const auto width = static_cast<std::size_t>(map.width());
+    const double x = static_cast<double>(cell % width) + rng.uniform();
+    const double y = static_cast<double>(cell / width) + rng.uniform();
     impl_->particles.set(
         static_cast<std::size_t>(i),
         {map.corner().x + x * map.resolution(),

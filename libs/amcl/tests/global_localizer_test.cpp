@@ -352,6 +352,34 @@ TEST(Localizer, IsNotLostWhereNobodyHasMapped) {
   EXPECT_THAT(localizer.pose().mean, poseNear(robot.truth(), 0.1, 0.03));
 }
 
+TEST(Localizer, ABlindRobotIsTrustedOnlyAsFarAsItsOdometry) {
+  Robot robot(fourRooms(), {3.0, 7.0, 0.0});
+  AmclParams params;
+  params.global = oneThread();
+  Localizer localizer(params, robot.map, 1);
+  const auto blind = [&robot] {
+    LaserScan scan = robot.scan();
+    std::fill(scan.ranges_m.begin(), scan.ranges_m.end(), 0.0F);
+    return scan;
+  };
+  // GIVEN a start pose, and a lidar that sees nothing
+  localizer.startAt({robot.truth(), Eigen::Vector3d(0.02, 0.02, 0.004).asDiagonal()});
+  EXPECT_FALSE(localizer.process(blind()).trusted) << "nothing has confirmed the pose";
+  robot.goTo({4.0, 7.0}, localizer);
+  ASSERT_TRUE(localizer.process(robot.scan()).trusted);
+  const auto driveBlindTo = [&](double x) {
+    bool trusted = false;
+    while (robot.T_grid_base.x < x) {
+      localizer.process(robot.driveTo({30.0, 7.0}));
+      trusted = localizer.process(blind()).trusted;
+    }
+    return trusted;
+  };
+  EXPECT_TRUE(driveBlindTo(5.0));
+  EXPECT_FALSE(driveBlindTo(22.0));
+  EXPECT_FALSE(localizer.searching()) << "what is not seen does not contradict the pose";
+}
+
 TEST(Localizer, KeepsItsPlaceInAClutteredRoomWhileNoOtherFitsBetter) {
   // GIVEN a room full of posts that the map does not know
   const auto map = fourRooms();

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <iostream>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
@@ -28,6 +29,22 @@ constexpr std::uint8_t kPgmUnknown = 205;
 constexpr std::uint8_t kPgmFree = 254;
 constexpr double kSimpleMapResolution_m = 0.05;
 
+/// OpenCV's image readers write to std::cerr what is wrong with a file, and where in their code;
+/// errors here name the file and the remedy.
+class Quiet {
+ public:
+  Quiet() : cerr_(std::cerr.rdbuf(nullptr)) {}
+  ~Quiet() {
+    std::cerr.rdbuf(cerr_);
+    std::cerr.clear();
+  }
+  Quiet(const Quiet&) = delete;
+  Quiet& operator=(const Quiet&) = delete;
+
+ private:
+  std::streambuf* cerr_;
+};
+
 cv::Mat readImage(const std::string& path, const MapYaml& yaml) {
   if (!fs::is_regular_file(path)) {
     throw InputError(
@@ -36,6 +53,7 @@ cv::Mat readImage(const std::string& path, const MapYaml& yaml) {
   }
   cv::Mat image;
   try {
+    const Quiet quiet;
     image = cv::imread(path, cv::IMREAD_UNCHANGED);
   } catch (const cv::Exception&) {
     // imread reports some damaged files this way, others by an empty image.

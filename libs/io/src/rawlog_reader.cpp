@@ -29,8 +29,6 @@ using namespace mrpt::obs;
 
 constexpr double kTeslaPerGauss = 1e-4;
 
-// A scan plane tilted more than this is no horizontal section of the room.
-
 /// MRPT's stream interface on a ByteStream, with one byte of look-ahead: at an object border that
 /// tells the end of the file from an object that is cut off.
 class PeekStream : public mrpt::io::CStream {
@@ -217,7 +215,8 @@ class RawlogReader : public RecordingReader {
         notes_.add("odometry of a frame without a stamp dropped", number_);
       } else {
         const double dt_s = frame_stamp_ ? intervalSeconds(*frame_stamp_, *stamp) : 0.0;
-        queue_.push_back({number_, "action", WheelOdometry{*stamp, dt_s, *pending_increment_}});
+        queue_.push_back(
+            {number_, "action", WheelOdometry{*stamp, dt_s, *pending_increment_, true}});
       }
       pending_increment_.reset();
     }

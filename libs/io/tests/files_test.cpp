@@ -279,6 +279,13 @@ TEST(MapIo, BadMapsNameThePlace) {
   EXPECT_THAT(
       with("image: bad.png\nresolution: 0.05\norigin: [0, 0, 0]\n"),
       testing::AllOf(HasSubstr("InputError"), HasSubstr("bad.png"), HasSubstr("not a readable")));
+  // What OpenCV says of a cut off image stays out of the error.
+  writeFile(folder / "cut.pgm", "P5\n4 4\n255\nabc");
+  testing::internal::CaptureStderr();
+  EXPECT_THAT(
+      with("image: cut.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n"),
+      testing::AllOf(HasSubstr("InputError"), HasSubstr("cut.pgm"), HasSubstr("not a readable")));
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
   EXPECT_THAT(with("image: [\n"), HasSubstr("ConfigError"));
   EXPECT_THAT(mapError((folder / "none.yaml").string()), HasSubstr("none.yaml"));
   EXPECT_THAT(

@@ -178,6 +178,7 @@ TEST(Rawlog, ActionsTakeTheStampOfTheirFramesScan) {
   ASSERT_EQ(records.size(), 6U);
   const auto& move = std::get<WheelOdometry>(records[2].measurement);
   EXPECT_EQ(move.stamp.ns, 1000250000000);
+  EXPECT_TRUE(move.stamp_borrowed);
   EXPECT_NEAR(move.dt_s, 0.25, 1e-9);
   EXPECT_THAT(move.T_previous_now, poseNear(Pose2{0.1, 0.0, 0.05}, 1e-9, 1e-9));
   const auto& scan = std::get<LaserScan>(records[1].measurement);

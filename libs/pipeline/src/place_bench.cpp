@@ -502,6 +502,7 @@ LostPlace changedMap(const std::string& map_path, std::uint64_t seed) {
   LostPlace place;
   place.name = map_path;
   const auto map = std::make_shared<const grid::OccupancyMap>(io::loadMap(map_path));
+  amcl::requireUsable(*map, map_path);
   place.map = map;
   std::vector<grid::Cell> cells;
   for (int iy = 0; iy < map->height(); ++iy) {

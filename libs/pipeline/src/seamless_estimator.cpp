@@ -20,8 +20,9 @@ constexpr double kMapPoseFloor_rad = degToRad(1.0);
 std::vector<std::shared_ptr<const grid::OccupancyMap>> loadIndoorMaps(const geo::Site& site) {
   std::vector<std::shared_ptr<const grid::OccupancyMap>> maps;
   for (const geo::IndoorMap& indoor : site.indoor_maps) {
-    maps.push_back(std::make_shared<const grid::OccupancyMap>(
-        io::loadMap(indoor.yaml_path).movedBy(indoor.T_map_grid)));
+    const grid::OccupancyMap map = io::loadMap(indoor.yaml_path);
+    amcl::requireUsable(map, indoor.yaml_path);
+    maps.push_back(std::make_shared<const grid::OccupancyMap>(map.movedBy(indoor.T_map_grid)));
   }
   return maps;
 }

@@ -44,6 +44,7 @@ struct LineChart {
   std::vector<ModeBand> bands;
   std::vector<ChartMarker> markers;
   bool include_zero = true;     ///< y axis starts at (or spans) zero
+  bool share = false;           ///< y axis from 0 to 1
   std::optional<double> limit;  ///< horizontal line of a bar that should be kept
   std::string limit_label;
 };

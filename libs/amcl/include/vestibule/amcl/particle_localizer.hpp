@@ -92,6 +92,10 @@ class ParticleLocalizer {
   std::unique_ptr<Impl> impl_;
 };
 
+/// Throws InputError for a map without free or without occupied cells, in which nothing can be
+/// localized. \param name of the map's file, for the message
+void requireUsable(const grid::OccupancyMap& map, const std::string& name);
+
 /// Share of the scan's valid beams (up to max_range_m) that end within inlier_distance_m of a
 /// mapped obstacle at this pose; 0 when fewer than 10 beams are valid.
 [[nodiscard]] double inlierShare(

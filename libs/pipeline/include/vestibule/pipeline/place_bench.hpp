@@ -44,7 +44,7 @@ struct LostTrial {
   int searches = 0;
   std::vector<amcl::Place> places;  ///< candidates at the end, best first
   amcl::PlaceState state = amcl::PlaceState::kNowhere;
-  double first_search_s = 0.0;  ///< wall time
+  double first_search_s = 0.0;  ///< wall time; 0 = not measured
 };
 
 /// Puts a robot at random free places without telling it where, lets it drive up to 20 m to where

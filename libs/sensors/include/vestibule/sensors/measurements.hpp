@@ -20,6 +20,9 @@ struct WheelOdometry {
   Timestamp stamp;
   double dt_s = 0.0;     ///< [s] >= 0; 0 when the recording gives no usable interval
   Pose2 T_previous_now;  ///< base pose at `stamp` in the base frame of the previous message
+  /// The recording gives the reading no stamp of its own: it got that of the scan beside it, and
+  /// was taken some time before.
+  bool stamp_borrowed = false;
 };
 
 struct Imu {
