@@ -82,6 +82,25 @@ TEST(Outdoors, FusesTheHuskyRecording) {
   testing::Test::RecordProperty("jump_m", std::to_string(result.largest_jump_m));
 }
 
+TEST(Outdoors, TheHuskysOwnConfigurationIsTheDefaultWithItsInputsNamed) {
+  const auto named = pipeline::loadConfig(shipped("config/filters/husky.yaml"));
+  const pipeline::Config plain;
+  const auto fused = [](const pipeline::Config& config) {
+    return pipeline::fuse(shipped("datasets/husky_gnss/test1.bag"), {}, config, {}, {}, noProgress);
+  };
+  const auto a = fused(named);
+  const auto b = fused(plain);
+  ASSERT_EQ(a.trajectory.size(), b.trajectory.size());
+  for (std::size_t i = 0; i < a.trajectory.size(); ++i) {
+    ASSERT_EQ(distance(a.trajectory[i].pose, b.trajectory[i].pose), 0.0) << "pose " << i;
+  }
+  EXPECT_EQ(a.fixes_accepted, b.fixes_accepted);
+  // The file counts: the compass it names can be left out.
+  pipeline::Config without = named;
+  without.ekf.use.heading.clear();
+  EXPECT_NE(fused(without).trajectory.back().pose.x, a.trajectory.back().pose.x);
+}
+
 TEST(Outdoors, ClimbsWithTheJackalRecording) {
   const auto config = pipeline::loadConfig(shipped("config/filters/attitude_sensor.yaml"));
   const auto result =

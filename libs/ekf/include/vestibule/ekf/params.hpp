@@ -73,8 +73,9 @@ struct HeadingParams {
   /// [rad] of mounting + declination, if the first readings agree with the track (within two
   /// sigma); a sensor that does not agree has an unknown offset.
   double offset_sigma_rad = degToRad(10.0);
-  /// [rad/sqrt(rad)] what turning does to it: iron on the robot. Calibrated ones have none.
-  double turn_offset_rad_sqrt_rad = degToRad(5.0);
+  /// [rad/sqrt(rad)] what turning does to it: iron on the robot, which bends the field by 5 to 20
+  /// degrees. Calibrated ones have none.
+  double turn_offset_rad_sqrt_rad = degToRad(10.0);
   double calibrated_offset_time_s = 2000.0;  ///< [s] how long what a calibration leaves of it stays
   double disturbance_sigma_rad =
       degToRad(12.0);                     ///< [rad] passing deviation (steel, tilt), at first
