@@ -13,6 +13,7 @@
 #include "vestibule/gui_headless/map_sheet.hpp"
 #include "vestibule/io/map_io.hpp"
 #include "vestibule/metrics/statistics.hpp"
+#include "vestibule/tuning/measures.hpp"
 #include "vestibule/tuning/mpi_workers.hpp"
 #include "vestibule/tuning/parameter_tree.hpp"
 #include "vestibule/tuning/subjects.hpp"
@@ -105,6 +106,15 @@ std::string runsCsv(const Suite& suite, const SuiteResult& result, const tuning:
   return text;
 }
 
+/// Names of the objectives with their units, as columns.
+void addObjectives(const Suite& suite, gui_headless::Table& table) {
+  for (const auto& o : suite.runs.objectives) {
+    const std::string unit(unitOf(o.measure));
+    table.header.push_back(
+        std::string(toString(o.measure)) + (unit.empty() ? "" : " [" + unit + "]"));
+  }
+}
+
 /// The table for people, and for the terminal.
 gui_headless::Table tableOf(
     const Suite& suite, const std::vector<Row>& rows, const tuning::Subject& subject) {
@@ -113,9 +123,7 @@ gui_headless::Table tableOf(
   table.title = "Mean over the seeds +- standard deviation";
   table.header = {"variant"};
   if (drives) table.header.push_back("recording");
-  for (const auto& o : suite.runs.objectives) {
-    table.header.push_back(std::string(toString(o.measure)));
-  }
+  addObjectives(suite, table);
   table.header.insert(table.header.end(), {"failed", "CPU load %"});
   for (const Row& row : rows) {
     std::vector<std::string> cells{suite.variants[row.variant].name};
@@ -138,9 +146,7 @@ gui_headless::Table mainEffects(const Suite& suite, const std::vector<Row>& rows
   gui_headless::Table table;
   table.title = "Each factor alone: mean over all other factors, recordings and seeds";
   table.header = {"factor", "value"};
-  for (const auto& o : suite.runs.objectives) {
-    table.header.push_back(std::string(toString(o.measure)));
-  }
+  addObjectives(suite, table);
   table.header.push_back("CPU load %");
   for (std::size_t f = 0; f < suite.factors.size(); ++f) {
     for (const double value : suite.factors[f].values) {

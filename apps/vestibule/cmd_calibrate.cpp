@@ -200,6 +200,26 @@ void calibrateOdometry(const Arguments& args, int& exit_code) {
   finish(args, "odometry", output, std::move(section));
 }
 
+/// How well the innovations are explained by stamps that are late by so much.
+void offsetCurve(
+    const pipeline::StampOffset& o, gui_headless::ReportSection& section, Json& summary) {
+  gui_headless::LineChart chart;
+  chart.title = "Misfit of the innovations, by how late the stamps of " + o.sensor + " are";
+  chart.x_label = "late by [s]";
+  chart.y_label = "-2 log likelihood above its least";
+  chart.series.push_back({"misfit", gui_headless::SeriesLook::kEstimate, o.misfits});
+  if (o.found) chart.markers.push_back({o.offset_s, "found"});
+  section.charts.push_back(gui_headless::lineChart(chart));
+  for (const auto& [offset_s, misfit] : o.misfits) {
+    if (offset_s != 0.0) continue;
+    section.figures.push_back(figure(
+        "-2 log likelihood of the innovations with the stamps of " + o.sensor +
+            " as recorded, above its least",
+        fixed(misfit, 1)));
+    summary["residuals"][o.sensor]["as_recorded_above_least"] = rounded(misfit, 3);
+  }
+}
+
 void calibrateOffsets(const Arguments& args, int& exit_code) {
   const pipeline::Config config = pipeline::loadConfig(args.config);
   RunOutput output(args.out, "calibrate offsets", config);
@@ -222,6 +242,7 @@ void calibrateOffsets(const Arguments& args, int& exit_code) {
   section.title = "Stamps of each sensor against those of the others";
   exit_code = kDone;
   report(c, output, section, exit_code);
+  for (const pipeline::StampOffset& o : offsets) offsetCurve(o, section, output.summary());
   finish(args, "offsets", output, std::move(section));
 }
 
@@ -253,6 +274,28 @@ std::string compassYaml(const Calibration& c) {
          "]\n    sigma_deg: " + tuning::shortNumber(std::sqrt(variance)) + "\n";
 }
 
+/// A + B sin + C cos + D sin 2 + E cos 2 of the reading, before and as found.
+std::string deviationChart(const Calibration& c) {
+  gui_headless::LineChart chart;
+  chart.title = "Deviation over the heading";
+  chart.x_label = "reading, clockwise from north [deg]";
+  chart.y_label = "reading less true [deg]";
+  const auto curve = [&c](const char* name, gui_headless::SeriesLook look, double Quantity::*of) {
+    gui_headless::Series series{name, look, {}};
+    for (int deg = 0; deg <= 360; deg += 5) {
+      const double h = degToRad(deg);
+      const double shapes[] = {1.0, std::sin(h), std::cos(h), std::sin(2 * h), std::cos(2 * h)};
+      double sum = 0.0;
+      for (std::size_t i = 0; i < c.quantities.size(); ++i) sum += c.quantities[i].*of * shapes[i];
+      series.points.emplace_back(deg, sum);
+    }
+    return series;
+  };
+  chart.series.push_back(curve("before", gui_headless::SeriesLook::kSecond, &Quantity::before));
+  chart.series.push_back(curve("found", gui_headless::SeriesLook::kEstimate, &Quantity::value));
+  return gui_headless::lineChart(chart);
+}
+
 void calibrateCompass(const Arguments& args, int& exit_code) {
   const pipeline::Config config = pipeline::loadConfig(args.config);
   RunOutput output(args.out, "calibrate compass", config);
@@ -267,7 +310,11 @@ void calibrateCompass(const Arguments& args, int& exit_code) {
   section.title = "Compass against " + data.reference_name;
   exit_code = kDone;
   report(c, output, section, exit_code);
+  section.text += (section.text.empty() ? "" : "; ") +
+                  std::string("reading less true, clockwise from north, is A + B sin + C cos + "
+                              "D sin 2 + E cos 2 of the reading");
   if (allObserved(c)) {
+    section.charts.push_back(deviationChart(c));
     output.text("calibrated.yaml", compassYaml(c));
   } else {
     exit_code = kFailedPurpose;

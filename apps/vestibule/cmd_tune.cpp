@@ -13,6 +13,7 @@
 #include "vestibule/core/parallel.hpp"
 #include "vestibule/gui_headless/charts.hpp"
 #include "vestibule/tuning/engine.hpp"
+#include "vestibule/tuning/measures.hpp"
 #include "vestibule/tuning/mpi_workers.hpp"
 #include "vestibule/tuning/subjects.hpp"
 
@@ -184,9 +185,14 @@ gui_headless::ReportSection resultSection(
   section.tables.push_back(parameterTable(space, r));
   gui_headless::Table levels;
   levels.title = "Objectives on the validation data";
-  levels.header = {"objective", "defaults", "best found"};
-  for (const auto& level : r.levels) {
-    levels.rows.push_back({level.measure, fixed(level.before, 4), fixed(level.after, 4)});
+  levels.header = {"objective", "defaults", "best found", "unit"};
+  for (std::size_t i = 0; i < r.levels.size(); ++i) {
+    const auto& level = r.levels[i];
+    levels.rows.push_back(
+        {level.measure,
+         fixed(level.before, 4),
+         fixed(level.after, 4),
+         std::string(unitOf(session.objectives[i].measure))});
   }
   section.tables.push_back(std::move(levels));
   if (!r.rescored.empty()) {
@@ -219,7 +225,8 @@ gui_headless::ReportSection resultSection(
     for (std::size_t i = 0; i < space.size(); ++i) table.header.push_back(std::to_string(i + 1));
     for (std::size_t i = 0; i < space.size(); ++i) {
       std::vector<std::string> row{std::to_string(i + 1) + "  " + space.parameters()[i].name};
-      for (const double c : r.correlations[i]) row.push_back(fixed(c, 2));
+      // Rounded first: nothing shows as -0.00.
+      for (const double c : r.correlations[i]) row.push_back(fixed(rounded(c, 2) + 0.0, 2));
       table.rows.push_back(std::move(row));
     }
     section.tables.push_back(std::move(table));
@@ -293,6 +300,10 @@ void writeResult(
       output.trajectory(before.estimate, "defaults.tum");
     }
     report.sections.push_back(pathSection(subject.name(Role::kValidation, i), before, after));
+    if (tuning::measuresOdometryAlone(session)) {
+      report.sections.back().text =
+          "The odometry filter (T_odom_base), laid on the start of the reference.";
+    }
     output.picture(
         "paths_" + std::to_string(i + 1) + ".png", report.sections.back().pictures.front().png);
   }

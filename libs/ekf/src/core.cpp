@@ -64,7 +64,7 @@ UpdateReport Core::apply(const Input& input) {
   return std::visit([this](const auto& m) { return take(m); }, input);
 }
 
-void Core::step(const Motion& u) {
+void Core::step(Motion&& u) {
   const Eigen::Vector3d before = odometry_.state().p;
   odometry_.step(u);
   if (!u.rolling) {
@@ -75,8 +75,8 @@ void Core::step(const Motion& u) {
 }
 
 void Core::advance(Timestamp stamp) {
-  const Motion u = reckoning_.advance(stamp);
-  if (u.dt_s > 0.0) step(u);
+  Motion u = reckoning_.advance(stamp);
+  if (u.dt_s > 0.0) step(std::move(u));
   odometry_.settle();
   if (ready_) map_.settle();
 }

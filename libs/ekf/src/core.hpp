@@ -49,7 +49,7 @@ class Core {
   UpdateReport take(const PoseInput& pose);
   UpdateReport take(const ResetInput& reset);
 
-  void step(const Motion& u);
+  void step(Motion&& u);
   /// To a stamp at which nothing is said of the motion, covariances included.
   void advance(Timestamp stamp);
   void begin(const PoseWithCovariance& T_map_base);

@@ -1,7 +1,9 @@
 #include "vestibule/ekf/model.hpp"
 
+#include <array>
 #include <cmath>
 
+#include "half_turn.hpp"
 #include "vestibule/core/angles.hpp"
 
 namespace vestibule::ekf {
@@ -26,27 +28,6 @@ struct Course {
   Eigen::Vector3d push;  ///< coasting: specific force in map axes, bias removed
 };
 
-/// Attitude halfway and at the end of a turn. Nearly every step of a robot in the plane is that of
-/// a level robot: the same numbers without the products by zero.
-void turn(const Eigen::Quaterniond& q, Course& c) {
-  const Eigen::Quaterniond half = rotationExp(0.5 * c.turn);
-  if (q.x() != 0.0 || q.y() != 0.0 || half.x() != 0.0 || half.y() != 0.0) {
-    const Eigen::Quaterniond q_mid = q * half;
-    c.q_end = (q_mid * half).normalized();
-    c.R_mid = q_mid.toRotationMatrix();
-    return;
-  }
-  const double w = q.w() * half.w() - q.z() * half.z();
-  const double z = q.w() * half.z() + q.z() * half.w();
-  const double w_end = w * half.w() - z * half.z();
-  const double z_end = w * half.z() + z * half.w();
-  const double length = std::sqrt(z_end * z_end + w_end * w_end);
-  c.q_end = Eigen::Quaterniond(w_end / length, 0.0, 0.0, z_end / length);
-  const double sine = 2.0 * z * w;
-  const double cosine = 1.0 - 2.0 * z * z;
-  c.R_mid << cosine, -sine, 0.0, sine, cosine, 0.0, 0.0, 0.0, 1.0;
-}
-
 Course courseOf(const State& x, const Motion& u, bool planar) {
   Course c;
   c.turn = planar ? Eigen::Vector3d(0.0, 0.0, u.turn_rad.z()) : u.turn_rad;
@@ -56,7 +37,10 @@ Course courseOf(const State& x, const Motion& u, bool planar) {
   } else {
     c.turn.z() = std::exp(-x.track) * c.turn.z() + x.wheel_skew * u.forward_m;
   }
-  turn(x.q, c);
+  const Eigen::Quaterniond half = rotationExp(0.5 * c.turn);
+  const Eigen::Quaterniond q_mid = x.q * half;
+  c.q_end = (q_mid * half).normalized();
+  c.R_mid = q_mid.toRotationMatrix();
   c.push.setZero();
   if (u.rolling) {
     const double scale = std::exp(x.wheel_scale);
@@ -84,13 +68,30 @@ State arrived(const State& x, const Motion& u, const Course& c) {
   return next;
 }
 
-/// Fills in `t`, which is all zero but for `keep`.
-void linearise(const State& x, const Motion& u, const Course& c, bool planar, Transition& t) {
-  auto& A = t.coupling;
+/// Of the states that depend on themselves alone.
+void lineariseRest(const Motion& u, bool planar, Transition& t) {
   t.keep.segment<3>(kVel).setZero();
   t.keep.segment<3>(kGnssBias).setConstant(u.gnss_bias_decay);
   t.keep[kHeadingOffset] = u.heading_offset_decay;
   t.keep[kDisturbance] = u.disturbance_decay;
+  const auto noise = [&t](int index) -> double& { return t.rest_noise[index - Transition::kTop]; };
+  for (int i = planar ? 2 : 0; i < 3; ++i) noise(kGyroBias + i) = u.gyro_bias_var;
+  for (int i = 0; i < (planar ? 2 : 3); ++i) noise(kGnssBias + i) = u.gnss_bias_var;
+  if (!planar) {
+    for (int i = 0; i < 3; ++i) noise(kAccelBias + i) = u.accel_bias_var;
+  }
+  noise(kWheelScale) = u.wheel_scale_var;
+  noise(kWheelSkew) = u.wheel_skew_var;
+  noise(kTrack) = u.track_var;
+  noise(kIcrX) = u.icr_var;
+  noise(kHeadingOffset) = u.heading_offset_var;
+  noise(kDisturbance) = u.disturbance_var;
+}
+
+/// Fills in `t`, which is all zero but for `keep`.
+void linearise(const State& x, const Motion& u, const Course& c, bool planar, Transition& t) {
+  auto& A = t.coupling;
+  lineariseRest(u, planar, t);
 
   // What a turn error about each base axis does to position, velocity and attitude.
   Eigen::Matrix<double, 9, 3> by_turn = Eigen::Matrix<double, 9, 3>::Zero();
@@ -163,19 +164,107 @@ void linearise(const State& x, const Motion& u, const Course& c, bool planar, Tr
     Q(kPos + i, kVel + i) += 0.5 * u.dt_s * u.speed_var;
     Q(kVel + i, kPos + i) += 0.5 * u.dt_s * u.speed_var;
   }
+}
 
-  const auto rest = [&t](int index) -> double& { return t.rest_noise[index - Transition::kTop]; };
-  for (int i = first_axis; i < 3; ++i) rest(kGyroBias + i) = u.gyro_bias_var;
-  for (int i = 0; i < axes; ++i) rest(kGnssBias + i) = u.gnss_bias_var;
-  if (!planar) {
-    for (int i = 0; i < 3; ++i) rest(kAccelBias + i) = u.accel_bias_var;
+/// Nearly every step: a level robot rolls in the plane. The same numbers as by the functions above,
+/// without the products by zero.
+struct LevelCourse {
+  double turn_rad;   ///< faults removed
+  double cosine;     ///< of the heading halfway
+  double sine;
+  double q_end_w;
+  double q_end_z;
+  Eigen::Vector2d by_wheels;
+  Eigen::Vector2d d;
+  Eigen::Vector2d v_end;
+};
+
+bool rollsLevel(const State& x, const Motion& u, bool planar) {
+  return planar && u.rolling && x.q.x() == 0.0 && x.q.y() == 0.0;
+}
+
+LevelCourse levelCourseOf(const State& x, const Motion& u) {
+  LevelCourse c;
+  c.turn_rad = u.turn_is_gyro ? u.turn_rad.z() - x.gyro_bias.z() * u.dt_s
+                              : std::exp(-x.track) * u.turn_rad.z() + x.wheel_skew * u.forward_m;
+  const double quarter_turn = 0.5 * c.turn_rad;  // the argument of a quaternion's half angle
+  const HalfTurn half = halfTurn(quarter_turn * quarter_turn);
+  const double half_z = half.share * quarter_turn;
+  const double w = x.q.w() * half.cosine - x.q.z() * half_z;
+  const double z = x.q.w() * half_z + x.q.z() * half.cosine;
+  const double w_end = w * half.cosine - z * half_z;
+  const double z_end = w * half_z + z * half.cosine;
+  const double length = std::sqrt(z_end * z_end + w_end * w_end);
+  c.q_end_w = w_end / length;
+  c.q_end_z = z_end / length;
+  c.sine = 2.0 * z * w;
+  c.cosine = 1.0 - 2.0 * z * z;
+  const double scale = std::exp(x.wheel_scale);
+  const double forward_m = scale * u.forward_m;
+  const double left_m = scale * u.left_m;
+  c.by_wheels << c.cosine * forward_m - c.sine * left_m, c.sine * forward_m + c.cosine * left_m;
+  const double swing_m = x.icr_x * c.turn_rad;
+  c.d << c.by_wheels.x() + c.sine * swing_m, c.by_wheels.y() - c.cosine * swing_m;
+  const Eigen::Vector2d v(scale * u.speed_mps, scale * u.left_mps);
+  const Eigen::Vector2d twice(-2.0 * (c.q_end_z * v.y()), 2.0 * (c.q_end_z * v.x()));
+  c.v_end << v.x() + c.q_end_w * twice.x() - c.q_end_z * twice.y(),
+      v.y() + c.q_end_w * twice.y() + c.q_end_z * twice.x();
+  return c;
+}
+
+State arrived(const State& x, const Motion& u, const LevelCourse& c) {
+  State next = x;
+  next.p.head<2>() += c.d;
+  next.v << c.v_end, 0.0;
+  next.q = Eigen::Quaterniond(c.q_end_w, 0.0, 0.0, c.q_end_z);
+  next.gnss_bias *= u.gnss_bias_decay;
+  next.heading_offset *= u.heading_offset_decay;
+  next.disturbance *= u.disturbance_decay;
+  return next;
+}
+
+void linearise(const State& x, const Motion& u, const LevelCourse& c, Transition& t) {
+  constexpr std::array<int, 5> kTop = {kPos, kPos + 1, kVel, kVel + 1, kAtt + 2};
+  lineariseRest(u, true, t);
+  auto& A = t.coupling;
+  A(kPos, kAtt + 2) = -c.d.y();
+  A(kPos + 1, kAtt + 2) = c.d.x();
+  A(kVel, kAtt + 2) = -c.v_end.y();
+  A(kVel + 1, kAtt + 2) = c.v_end.x();
+  A(kPos, kWheelScale) = c.by_wheels.x();
+  A(kPos + 1, kWheelScale) = c.by_wheels.y();
+  A(kVel, kWheelScale) = c.v_end.x();
+  A(kVel + 1, kWheelScale) = c.v_end.y();
+  A(kPos, kIcrX) = c.turn_rad * c.sine;
+  A(kPos + 1, kIcrX) = -c.turn_rad * c.cosine;
+  t.columns = kRolling;
+  // What an error of the turn does.
+  const std::array<double, 5> by_turn = {
+      -0.5 * c.d.y() + x.icr_x * c.sine,
+      0.5 * c.d.x() - x.icr_x * c.cosine,
+      -c.v_end.y(),
+      c.v_end.x(),
+      1.0};
+  const double by_track = -std::exp(-x.track) * u.turn_rad.z();
+  for (std::size_t a = 0; a < kTop.size(); ++a) {
+    if (u.turn_is_gyro) {
+      A(kTop[a], kGyroBias + 2) = -u.dt_s * by_turn[a];
+    } else {
+      A(kTop[a], kTrack) = by_track * by_turn[a];
+      A(kTop[a], kWheelSkew) = u.forward_m * by_turn[a];
+    }
+    for (std::size_t b = 0; b < kTop.size(); ++b) {
+      t.top_noise(kTop[a], kTop[b]) = u.turn_var * by_turn[a] * by_turn[b];
+    }
   }
-  rest(kWheelScale) = u.wheel_scale_var;
-  rest(kWheelSkew) = u.wheel_skew_var;
-  rest(kTrack) = u.track_var;
-  rest(kIcrX) = u.icr_var;
-  rest(kHeadingOffset) = u.heading_offset_var;
-  rest(kDisturbance) = u.disturbance_var;
+  t.columns |= u.turn_is_gyro ? kTurnByGyro : kTurnByWheels;
+  t.columns &= ~kSpatial;
+  auto Q_p = t.top_noise.topLeftCorner<2, 2>();
+  const Eigen::Vector2d ahead(c.cosine, c.sine);
+  const Eigen::Vector2d left(-c.sine, c.cosine);
+  Q_p += u.forward_var * ahead * ahead.transpose() + u.left_var * left * left.transpose();
+  t.top_noise(kVel, kVel) += u.speed_var;
+  t.top_noise(kVel + 1, kVel + 1) += u.speed_var;
 }
 
 }  // namespace
@@ -238,20 +327,21 @@ bool Observation::finite() const {
 }
 
 State Model::transition(const State& x, const Motion& u) const {
+  if (rollsLevel(x, u, planar_)) return arrived(x, u, levelCourseOf(x, u));
   return arrived(x, u, courseOf(x, u, planar_));
 }
 
 Model::Predicted Model::predict(const State& x, const Motion& u) const {
-  const Course c = courseOf(x, u, planar_);
-  Predicted result;
-  result.x = arrived(x, u, c);
-  linearise(x, u, c, planar_, result.step);
-  return result;
+  return {transition(x, u), linearised(x, u)};
 }
 
 Transition Model::linearised(const State& x, const Motion& u) const {
   Transition t;
-  linearise(x, u, courseOf(x, u, planar_), planar_, t);
+  if (rollsLevel(x, u, planar_)) {
+    linearise(x, u, levelCourseOf(x, u), t);
+  } else {
+    linearise(x, u, courseOf(x, u, planar_), planar_, t);
+  }
   return t;
 }
 

@@ -3,9 +3,27 @@
 #include <algorithm>
 #include <cmath>
 
+#include "half_turn.hpp"
 #include "vestibule/core/angles.hpp"
 
 namespace vestibule::ekf {
+namespace {
+
+/// Exp(turn) q. A level attitude that is turned about the vertical is what the plane consists of:
+/// the same numbers without the products by zero.
+Eigen::Quaterniond turned(const Eigen::Quaterniond& q, const Eigen::Vector3d& turn_rad) {
+  if (q.x() != 0.0 || q.y() != 0.0 || turn_rad.x() != 0.0 || turn_rad.y() != 0.0) {
+    return (rotationExp(turn_rad) * q).normalized();
+  }
+  const HalfTurn half = halfTurn(turn_rad.z() * turn_rad.z());
+  const double half_z = half.share * turn_rad.z();
+  const double w = half.cosine * q.w() - half_z * q.z();
+  const double z = half.cosine * q.z() + half_z * q.w();
+  const double length = std::sqrt(z * z + w * w);
+  return {w / length, 0.0, 0.0, z / length};
+}
+
+}  // namespace
 
 double State::yaw() const {
   return std::atan2(
@@ -35,7 +53,7 @@ State plus(const State& x, const Error& error) {
   State y = x;
   y.p += error.segment<3>(kPos);
   y.v += error.segment<3>(kVel);
-  y.q = (rotationExp(error.segment<3>(kAtt)) * x.q).normalized();
+  y.q = turned(x.q, error.segment<3>(kAtt));
   y.gyro_bias += error.segment<3>(kGyroBias);
   y.accel_bias += error.segment<3>(kAccelBias);
   y.wheel_scale += error[kWheelScale];
@@ -70,21 +88,9 @@ Error minus(const State& to, const State& from) {
 }
 
 Eigen::Quaterniond rotationExp(const Eigen::Vector3d& turn_rad) {
-  constexpr double kSmall_sq = 0.05 * 0.05;
-  const double angle_sq = turn_rad.squaredNorm();
-  double half_cos = 0.0;
-  double share = 0.0;  // sin(angle / 2) / angle
-  if (angle_sq < kSmall_sq) {
-    // Series, exact to the last bit; also where the quotient is 0/0.
-    const double h_sq = 0.25 * angle_sq;
-    half_cos = 1.0 - h_sq / 2.0 * (1.0 - h_sq / 12.0 * (1.0 - h_sq / 30.0));
-    share = 0.5 * (1.0 - h_sq / 6.0 * (1.0 - h_sq / 20.0 * (1.0 - h_sq / 42.0)));
-  } else {
-    const double angle = std::sqrt(angle_sq);
-    half_cos = std::cos(0.5 * angle);
-    share = std::sin(0.5 * angle) / angle;
-  }
-  return {half_cos, share * turn_rad.x(), share * turn_rad.y(), share * turn_rad.z()};
+  const HalfTurn half = halfTurn(turn_rad.squaredNorm());
+  const Eigen::Vector3d vec = half.share * turn_rad;
+  return {half.cosine, vec.x(), vec.y(), vec.z()};
 }
 
 Eigen::Matrix3d skew(const Eigen::Vector3d& a) {

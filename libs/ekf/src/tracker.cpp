@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "vestibule/core/angles.hpp"
 #include "vestibule/metrics/statistics.hpp"
@@ -76,7 +77,7 @@ Tracker::Tracker(const Shared& shared, Pose mode) : shared_(&shared), mode_(mode
 }
 
 void Tracker::start(const PoseWithCovariance& T, const Tracker* learnt) {
-  pending_.reset();
+  is_pending_ = false;
   const FilterParams& p = shared_->params;
   if (tape_ != nullptr) tape_->cut();
   State x;
@@ -126,7 +127,7 @@ void Tracker::start(const PoseWithCovariance& T, const Tracker* learnt) {
   heading_rejected_since_.reset();
 }
 
-void Tracker::step(Motion u) {
+void Tracker::step(Motion& u) {
   u.disturbance_var = disturbance_var_ * (1.0 - squared(u.disturbance_decay));
   if (calibrated_sigma_ > 0.0) {
     u.heading_offset_decay = std::exp(-u.dt_s / shared_->params.heading.calibrated_offset_time_s);
@@ -136,14 +137,16 @@ void Tracker::step(Motion u) {
     u.gnss_bias_decay = std::exp(-u.dt_s / gnss_.correlation_s);
     u.gnss_bias_var = squared(gnss_.slow_sigma_m) * (1.0 - squared(u.gnss_bias_decay));
   }
-  if (pending_ && !pending_->motion.continuedBy(u)) settle();
-  if (pending_) {
-    pending_->motion.append(u);
+  if (is_pending_ && !pending_.motion.continuedBy(u)) settle();
+  if (is_pending_) {
+    pending_.motion.append(u);
   } else {
-    pending_ = Pending{x_, u};
+    pending_.from = x_;
+    pending_.motion = u;
+    is_pending_ = true;
   }
   x_ = shared_->model.transition(x_, u);
-  if (!u.rolling || pending_->motion.dt_s >= kSettleAfter_s) settle();
+  if (!u.rolling || pending_.motion.dt_s >= kSettleAfter_s) settle();
   if (!u.rolling && u.dt_s > 0.0) {
     (void)offer(
         shared_->model.nonHolonomic(x_, u.turn_rad.z() / u.dt_s, kCoastSide_mps, kCoastSide_mps));
@@ -151,9 +154,9 @@ void Tracker::step(Motion u) {
 }
 
 void Tracker::settle() {
-  if (!pending_) return;
-  const Transition step = shared_->model.linearised(pending_->from, pending_->motion);
-  pending_.reset();
+  if (!is_pending_) return;
+  const Transition step = shared_->model.linearised(pending_.from, pending_.motion);
+  is_pending_ = false;
   if (tape_ != nullptr) tape_->predicted(step);
   shared_->engine->predict(P_, step);
   keepWithinBounds();
@@ -185,7 +188,7 @@ UpdateReport Tracker::tested(const Observation& z, const Correlation& c) const {
   return report;
 }
 
-UpdateReport Tracker::offer(Observation z, double inflation) {
+UpdateReport Tracker::offer(Observation&& z, double inflation) {
   if (!z.finite()) {
     UpdateReport report;
     report.decision = Decision::kRejected;
@@ -235,9 +238,10 @@ UpdateReport Tracker::offerHeading(const Heading& heading) {
     report.reason = "initialised";
     return report;
   }
-  const Observation z = model.heading(x_, heading.yaw_rad, sigma);
-  UpdateReport report = offer(z);
-  learnDisturbance(report, heading, z.residual[0]);
+  Observation z = model.heading(x_, heading.yaw_rad, sigma);
+  const double residual_rad = z.residual[0];
+  UpdateReport report = offer(std::move(z));
+  learnDisturbance(report, heading, residual_rad);
   if (report.decision != Decision::kGated) {
     heading_rejected_since_.reset();
     return report;

@@ -46,12 +46,13 @@ class Tracker {
   /// tilt and what is known of wheels and IMU are taken from it; null = nothing is known
   void start(const PoseWithCovariance& T, const Tracker* learnt);
   /// Moves the state. The covariance follows in steps of a tenth of a second, and before whatever
-  /// changes it.
-  void step(Motion u);
+  /// changes it. \param u  the tracker fills in how what it knows itself goes on (disturbance, offset, slow
+  /// GNSS error)
+  void step(Motion& u);
   /// Brings the covariance to the state's time: before it is only looked at.
   void settle();
   /// \param inflation  of R when the measurement is used; the test is against R itself
-  UpdateReport offer(Observation z, double inflation = 1.0);
+  UpdateReport offer(Observation&& z, double inflation = 1.0);
   UpdateReport offerHeading(const Heading& heading);
   void offerTilt(double roll_rad, double pitch_rad, double sigma_rad);
   void offerGravity(const Eigen::Vector3d& force_mps2, const Eigen::Vector3d& own_mps2);
@@ -117,7 +118,8 @@ class Tracker {
   Pose mode_;
   State x_;
   StateMatrix P_ = StateMatrix::Zero();
-  std::optional<Pending> pending_;
+  Pending pending_;
+  bool is_pending_ = false;
   bool heading_known_ = false;
   bool tilt_known_ = false;
   std::optional<Timestamp> heading_rejected_since_;

@@ -408,7 +408,7 @@ std::vector<StampOffset> estimateOffsets(
                                            : std::holds_alternative<WheelOdometry>(m);
         });
     if (!present) continue;
-    StampOffset best{sensors[s], 0.0, 0.0, false};
+    StampOffset best{sensors[s], 0.0, 0.0, false, {}};
     double step_s = 0.25;
     double centre_s = 0.0;
     double reach_s = kReach_s;
@@ -418,6 +418,7 @@ std::vector<StampOffset> estimateOffsets(
       double at_s = centre_s;
       for (double d = -reach_s; d <= reach_s + 1e-9; d += step_s) {
         const double value = misfit(log, config, plane, sensors[s], centre_s + d);
+        best.misfits.emplace_back(centre_s + d, value);
         if (value < lowest) {
           lowest = value;
           at_s = centre_s + d;
@@ -438,6 +439,13 @@ std::vector<StampOffset> estimateOffsets(
       progress(
           (static_cast<double>(s) + (level + 1) / 3.0) / static_cast<double>(sensors.size()), 0.0);
     }
+    std::sort(best.misfits.begin(), best.misfits.end());
+    const auto least = std::min_element(
+        best.misfits.begin(), best.misfits.end(), [](const auto& a, const auto& b) {
+          return a.second < b.second;
+        });
+    const double least_value = least->second;
+    for (auto& [offset_s, value] : best.misfits) value -= least_value;
     result.push_back(best);
   }
   return result;

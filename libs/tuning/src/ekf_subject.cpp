@@ -11,6 +11,7 @@
 #include "vestibule/io/recording.hpp"
 #include "vestibule/metrics/statistics.hpp"
 #include "vestibule/pipeline/time_ordered_queue.hpp"
+#include "vestibule/tuning/measures.hpp"
 
 namespace vestibule::tuning {
 namespace {
@@ -180,6 +181,19 @@ std::vector<Score> neesScores(const Pass& pass, const Drive& drive, const BlockG
   return means.means();
 }
 
+/// The path moved so that it starts where the reference does.
+metrics::Trajectory laidOnStart(metrics::Trajectory path, const metrics::Trajectory& reference) {
+  metrics::AssociationOptions association;
+  association.matching = metrics::Matching::kInterpolated;
+  association.max_dt = std::chrono::seconds(2);
+  const auto matches = metrics::associate(path, reference, association);
+  if (matches.empty()) return path;
+  const Pose2 T_reference_odom =
+      compose(matches.front().reference, inverse(matches.front().estimate));
+  for (metrics::TimedPose& p : path) p.pose = compose(T_reference_odom, p.pose);
+  return path;
+}
+
 class EkfSubject : public Subject {
  public:
   EkfSubject(const Session& session, const Folders& folders, const pipeline::Progress& progress)
@@ -253,9 +267,11 @@ class EkfSubject : public Subject {
     const BlockGrid grid{drive.log->first, session_.block_s, Blocks::kAll};
     Keep keep;
     keep.trajectory = true;
+    keep.odometry = true;
     Pass pass(ofRobot(config, drive), drive, grid, keep);
     (void)pass.run(0.0, 0);
-    return {std::move(pass.trajectory), drive.reference};
+    if (!measuresOdometryAlone(session_)) return {std::move(pass.trajectory), drive.reference};
+    return {laidOnStart(std::move(pass.odometry), drive.reference), drive.reference};
   }
 
  private:

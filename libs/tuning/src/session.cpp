@@ -8,6 +8,7 @@
 
 #include "session_parts.hpp"
 #include "vestibule/sim/scenario.hpp"
+#include "vestibule/tuning/measures.hpp"
 #include "vestibule/tuning/parameter_tree.hpp"
 #include "vestibule/tuning/search_space.hpp"
 
@@ -343,6 +344,31 @@ std::string_view toString(Measure measure) {
     if (m == measure) return word;
   }
   return "?";
+}
+
+std::string_view unitOf(Measure measure) {
+  switch (measure) {
+    case Measure::kHiddenOutage:
+    case Measure::kApe:
+    case Measure::kRpe:
+    case Measure::kOdometryRpe:
+    case Measure::kRelations:
+    case Measure::kWallThickness:
+      return "m";
+    case Measure::kInnovation:
+    case Measure::kNees:
+    case Measure::kNis:
+    case Measure::kScanLikelihood:
+      break;
+  }
+  return "";
+}
+
+bool measuresOdometryAlone(const Session& session) {
+  const auto& measured = session.objectives;
+  return std::all_of(measured.begin(), measured.end(), [](const Objective& o) {
+    return o.measure == Measure::kOdometryRpe;
+  });
 }
 
 std::string_view toString(SubjectKind kind) {

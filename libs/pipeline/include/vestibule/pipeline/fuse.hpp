@@ -2,6 +2,7 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "vestibule/core/events.hpp"
@@ -98,6 +99,8 @@ struct StampOffset {
   double offset_s = 0.0;  ///< to be subtracted from its stamps
   double sigma_s = 0.0;   ///< from the curvature of the likelihood
   bool found = false;     ///< false: no minimum within +-1.5 s
+  /// (offset [s], minus twice the log likelihood of the innovations above its least), ascending.
+  std::vector<std::pair<double, double>> misfits;
 };
 /// By the likelihood of the innovations, each sensor alone.
 [[nodiscard]] std::vector<StampOffset> estimateOffsets(
