@@ -311,8 +311,9 @@ void calibrateCompass(const Arguments& args, int& exit_code) {
   exit_code = kDone;
   report(c, output, section, exit_code);
   section.text += (section.text.empty() ? "" : "; ") +
-                  std::string("reading less true, clockwise from north, is A + B sin + C cos + "
-                              "D sin 2 + E cos 2 of the reading");
+                  std::string(
+                      "reading less true, clockwise from north, is A + B sin + C cos + "
+                      "D sin 2 + E cos 2 of the reading");
   if (allObserved(c)) {
     section.charts.push_back(deviationChart(c));
     output.text("calibrated.yaml", compassYaml(c));

@@ -57,8 +57,7 @@ Core::Core(const Shared& shared, const SensorRig& rig)
       screen_(shared.params, rig.p_base_antenna),
       drift_(shared.params.gnss.drift_window_s),
       fix_noise_{NoiseScale(shared.params), NoiseScale(shared.params), NoiseScale(shared.params)},
-      velocity_noise_(shared.params),
-      rest_noise_(shared.params.plane ? 1 : 3) {}
+      velocity_noise_(shared.params) {}
 
 UpdateReport Core::apply(const Input& input) {
   return std::visit([this](const auto& m) { return take(m); }, input);
@@ -86,9 +85,11 @@ UpdateReport Core::take(const Imu& imu) {
   if (reckoning_.standstill() && last_imu_ && params().use.imuYawRate()) {
     const double interval_s = std::max(1e-3, toSeconds(imu.stamp - *last_imu_));
     const GyroParams& gyro = params().gyro;
-    const double noise_rad_sqrt_s = rest_noise_.note(
-        reckoning_.rate(), interval_s, gyro.noise_rad_sqrt_s, gyro.rest_noise_rad_sqrt_s);
-    const double sigma = noise_rad_sqrt_s / std::sqrt(interval_s);
+    const double of_reading = 1.0 / std::sqrt(interval_s);
+    const double sigma = rest_noise_.note(
+        reckoning_.rate(),
+        gyro.noise_rad_sqrt_s * of_reading,
+        gyro.rest_noise_rad_sqrt_s * of_reading);
     odometry_.offerZeroRate(reckoning_.rate(), sigma);
     if (ready_) map_.offerZeroRate(reckoning_.rate(), sigma);
   } else {

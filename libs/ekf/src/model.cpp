@@ -169,8 +169,8 @@ void linearise(const State& x, const Motion& u, const Course& c, bool planar, Tr
 /// Nearly every step: a level robot rolls in the plane. The same numbers as by the functions above,
 /// without the products by zero.
 struct LevelCourse {
-  double turn_rad;   ///< faults removed
-  double cosine;     ///< of the heading halfway
+  double turn_rad;  ///< faults removed
+  double cosine;    ///< of the heading halfway
   double sine;
   double q_end_w;
   double q_end_z;

@@ -17,7 +17,9 @@ namespace {
 constexpr double kUnknownAngle = 1.0;
 /// [rad] prior of roll and pitch.
 constexpr double kUnknownTilt = 0.3;
-/// Readings of an accelerometer used as a level many times a second are not independent.
+/// Samples of a resting gyro are not independent (vibration, quantisation).
+constexpr double kZeroRateInflation = 4.0;
+/// The same of an accelerometer used as a level many times a second.
 constexpr double kLevelInflation = 10.0;
 /// Sideways speed of a robot that coasts [m/s].
 constexpr double kCoastSide_mps = 0.1;
@@ -325,7 +327,7 @@ void Tracker::offerGravity(const Eigen::Vector3d& force_mps2, const Eigen::Vecto
 }
 
 void Tracker::offerZeroRate(const Eigen::Vector3d& omega_radps, double sigma_radps) {
-  (void)offer(shared_->model.zeroRate(x_, omega_radps, sigma_radps));
+  (void)offer(shared_->model.zeroRate(x_, omega_radps, sigma_radps), kZeroRateInflation);
 }
 
 UpdateReport Tracker::offerWheelTurn(

@@ -46,8 +46,8 @@ class Tracker {
   /// tilt and what is known of wheels and IMU are taken from it; null = nothing is known
   void start(const PoseWithCovariance& T, const Tracker* learnt);
   /// Moves the state. The covariance follows in steps of a tenth of a second, and before whatever
-  /// changes it. \param u  the tracker fills in how what it knows itself goes on (disturbance, offset, slow
-  /// GNSS error)
+  /// changes it. \param u  the tracker fills in how what it knows itself goes on (disturbance,
+  /// offset, slow GNSS error)
   void step(Motion& u);
   /// Brings the covariance to the state's time: before it is only looked at.
   void settle();
