@@ -20,6 +20,8 @@ constexpr double kSame_m = 0.3;
 constexpr double kSame_rad = degToRad(8.0);
 // In doubt, the particles are given up when their place has less than this of the weight.
 constexpr double kDoubted = 0.05;
+// But not before so many scans have been held against the map: one or two may be blocked.
+constexpr int kLooksInDoubt = 5;
 // After a jump that may be as much as this: who puts a robot down elsewhere does not ask where it
 // fits badly.
 constexpr double kDoubtedAfterJump = 0.9;
@@ -29,8 +31,6 @@ constexpr double kJump_m = 0.4;
 constexpr double kJumpPerM = 0.15;
 constexpr double kJump_rad = degToRad(20.0);
 constexpr double kJumpPerRad = 0.3;
-// But not before so many scans have been held against the map: one or two may be blocked.
-constexpr int kLooksInDoubt = 5;
 // A search is called off when the particles' place has more than this of the weight.
 constexpr double kStillThere = 0.98;
 // A scan with a smaller share of beams that end where the map knows something tells nothing.
