@@ -217,6 +217,7 @@ void offsetCurve(
             " as recorded, above its least",
         fixed(misfit, 1)));
     summary["residuals"][o.sensor]["as_recorded_above_least"] = rounded(misfit, 3);
+    break;  // finer searches may have come by again
   }
 }
 

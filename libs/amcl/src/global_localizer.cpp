@@ -393,13 +393,13 @@ bool GlobalLocalizer::process(const LaserScan& scan) {
   s.rank();
   const double wait_m =
       s.state() == PlaceState::kNowhere ? s.params.first_search_m : s.next_search_m;
-  if (s.state() == PlaceState::kSure) {
-    s.searchAroundBest();
-    s.rank();
-  }
   const bool due = s.searches == 0 || s.travelled_m - s.searched_at_m >= wait_m;
   if (due && s.state() != PlaceState::kSure) {
     s.search();
+    s.rank();
+  }
+  if (s.state() == PlaceState::kSure) {
+    s.searchAroundBest();
     s.rank();
   }
   return true;

@@ -187,6 +187,14 @@ std::vector<std::uint8_t> unknownCells(const grid::OccupancyMap& map) {
   return unknown;
 }
 
+/// The number of a square of the map, below 0: what is in it and not mapped is taken for one thing.
+std::int64_t squareAt(const Point2& p_cells, double side_m) {
+  constexpr std::int64_t kPerRow = std::int64_t{1} << 30;
+  const auto ix = static_cast<std::int64_t>(std::floor(p_cells.x / side_m));
+  const auto iy = static_cast<std::int64_t>(std::floor(p_cells.y / side_m));
+  return -kPerRow * kPerRow + kPerRow * iy + ix;
+}
+
 }  // namespace
 
 std::vector<std::uint32_t> smallThings(const grid::OccupancyMap& map, double small_m) {
@@ -321,13 +329,6 @@ std::int64_t ScanFitter::thingAt(const Point2& p_map_obstacle) const {
   return valueAt(movable_, transform(inverse(T_map_cells_), p_map_obstacle));
 }
 
-std::int64_t ScanFitter::squareAt(const Point2& p_cells, double side_m) {
-  constexpr std::int64_t kPerRow = std::int64_t{1} << 30;
-  const auto ix = static_cast<std::int64_t>(std::floor(p_cells.x / side_m));
-  const auto iy = static_cast<std::int64_t>(std::floor(p_cells.y / side_m));
-  return -kPerRow * kPerRow + kPerRow * iy + ix;
-}
-
 std::optional<Point2> ScanFitter::obstacleBefore(
     const Point2& p_map_end, const Point2& p_map_laser, double margin_m) const {
   const double yaw = std::atan2(p_map_end.y - p_map_laser.y, p_map_end.x - p_map_laser.x);
@@ -390,7 +391,7 @@ ScanFit ScanFitter::fit(
     const double is_new = (news.empty() ? 1.0 : news[i]) * (unknown ? params_.movable_share : 1.0);
     const bool small = ends.stand_out[i] != 0 && d >= params_.inlier_distance_m;
     note(
-        small ? squareAt(p_cells, params_.small_m) : 0,
+        small ? squareAt(p_cells, std::max(params_.small_m, params_.surface_m)) : 0,
         is_new * params_.surface_share *
             std::log(params_.random_share + (1.0 - params_.random_share) * std::exp(-0.5 * u * u)));
     const auto obstacle = obstacleBefore(transform(T_map_base, p), p_map_laser, kRayMargin_m);

@@ -103,8 +103,6 @@ class ScanFitter {
   [[nodiscard]] T valueAt(const std::vector<T>& cells, const Point2& p_cells) const;
   /// The small thing that a mapped obstacle belongs to; 0 = none.
   [[nodiscard]] std::int64_t thingAt(const Point2& p_map_obstacle) const;
-  /// Of something small that is not mapped: its square.
-  [[nodiscard]] static std::int64_t squareAt(const Point2& p_cells, double side_m);
   [[nodiscard]] Distance interpolated(const Point2& p_grid) const;
   /// The first mapped obstacle on the way to a point, more than margin_m before it.
   [[nodiscard]] std::optional<Point2> obstacleBefore(

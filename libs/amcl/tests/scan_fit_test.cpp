@@ -99,5 +99,19 @@ TEST(ScanFitter, WhatASmallThingSaysIsKeptApart) {
   EXPECT_LT(says, -0.5);
 }
 
+TEST(ScanFitter, NothingNeedsToBeSmall) {
+  const grid::OccupancyMap map = room();
+  GlobalParams params;
+  params.small_m = 0.0;
+  const ScanFitter fitter(params, map);
+  LaserScan scan = scanOf([](double /*yaw*/) { return 2.5; });
+  scan.ranges_m[90] = scan.ranges_m[91] = 1.0F;
+  const ScanEnds ends = spreadEnds(scan, 9.0, 0.08, 90, params.small_m);
+  Views missing(params.surface_m);
+  const ScanFit fit = fitter.fit(ends, {}, {}, {0.0, 0.0}, {3.0, 3.0, 0.0}, missing);
+  EXPECT_TRUE(std::isfinite(fit.log_likelihood));
+  for (const ThingEvidence& e : fit.things) EXPECT_LT(e.thing, 0);
+}
+
 }  // namespace
 }  // namespace vestibule::amcl

@@ -24,4 +24,25 @@ inline HalfTurn halfTurn(double angle_sq) {
   return {std::cos(0.5 * angle), std::sin(0.5 * angle) / angle};
 }
 
+/// A rotation about the vertical: the two entries of its quaternion that are not zero.
+struct LevelTurn {
+  double w = 1.0;
+  double z = 0.0;
+};
+
+inline LevelTurn levelTurn(double turn_rad) {
+  const HalfTurn half = halfTurn(turn_rad * turn_rad);
+  return {half.cosine, half.share * turn_rad};
+}
+
+/// One after the other, in either order.
+inline LevelTurn operator*(const LevelTurn& a, const LevelTurn& b) {
+  return {a.w * b.w - a.z * b.z, a.w * b.z + a.z * b.w};
+}
+
+inline LevelTurn normalized(const LevelTurn& a) {
+  const double length = std::sqrt(a.z * a.z + a.w * a.w);
+  return {a.w / length, a.z / length};
+}
+
 }  // namespace vestibule::ekf

@@ -172,8 +172,7 @@ struct LevelCourse {
   double turn_rad;  ///< faults removed
   double cosine;    ///< of the heading halfway
   double sine;
-  double q_end_w;
-  double q_end_z;
+  LevelTurn q_end;
   Eigen::Vector2d by_wheels;
   Eigen::Vector2d d;
   Eigen::Vector2d v_end;
@@ -187,18 +186,11 @@ LevelCourse levelCourseOf(const State& x, const Motion& u) {
   LevelCourse c;
   c.turn_rad = u.turn_is_gyro ? u.turn_rad.z() - x.gyro_bias.z() * u.dt_s
                               : std::exp(-x.track) * u.turn_rad.z() + x.wheel_skew * u.forward_m;
-  const double quarter_turn = 0.5 * c.turn_rad;  // the argument of a quaternion's half angle
-  const HalfTurn half = halfTurn(quarter_turn * quarter_turn);
-  const double half_z = half.share * quarter_turn;
-  const double w = x.q.w() * half.cosine - x.q.z() * half_z;
-  const double z = x.q.w() * half_z + x.q.z() * half.cosine;
-  const double w_end = w * half.cosine - z * half_z;
-  const double z_end = w * half_z + z * half.cosine;
-  const double length = std::sqrt(z_end * z_end + w_end * w_end);
-  c.q_end_w = w_end / length;
-  c.q_end_z = z_end / length;
-  c.sine = 2.0 * z * w;
-  c.cosine = 1.0 - 2.0 * z * z;
+  const LevelTurn half = levelTurn(0.5 * c.turn_rad);
+  const LevelTurn mid = LevelTurn{x.q.w(), x.q.z()} * half;
+  c.q_end = normalized(mid * half);
+  c.sine = 2.0 * mid.z * mid.w;
+  c.cosine = 1.0 - 2.0 * mid.z * mid.z;
   const double scale = std::exp(x.wheel_scale);
   const double forward_m = scale * u.forward_m;
   const double left_m = scale * u.left_m;
@@ -206,9 +198,9 @@ LevelCourse levelCourseOf(const State& x, const Motion& u) {
   const double swing_m = x.icr_x * c.turn_rad;
   c.d << c.by_wheels.x() + c.sine * swing_m, c.by_wheels.y() - c.cosine * swing_m;
   const Eigen::Vector2d v(scale * u.speed_mps, scale * u.left_mps);
-  const Eigen::Vector2d twice(-2.0 * (c.q_end_z * v.y()), 2.0 * (c.q_end_z * v.x()));
-  c.v_end << v.x() + c.q_end_w * twice.x() - c.q_end_z * twice.y(),
-      v.y() + c.q_end_w * twice.y() + c.q_end_z * twice.x();
+  const Eigen::Vector2d twice(-2.0 * (c.q_end.z * v.y()), 2.0 * (c.q_end.z * v.x()));
+  c.v_end << v.x() + c.q_end.w * twice.x() - c.q_end.z * twice.y(),
+      v.y() + c.q_end.w * twice.y() + c.q_end.z * twice.x();
   return c;
 }
 
@@ -216,7 +208,7 @@ State arrived(const State& x, const Motion& u, const LevelCourse& c) {
   State next = x;
   next.p.head<2>() += c.d;
   next.v << c.v_end, 0.0;
-  next.q = Eigen::Quaterniond(c.q_end_w, 0.0, 0.0, c.q_end_z);
+  next.q = Eigen::Quaterniond(c.q_end.w, 0.0, 0.0, c.q_end.z);
   next.gnss_bias *= u.gnss_bias_decay;
   next.heading_offset *= u.heading_offset_decay;
   next.disturbance *= u.disturbance_decay;

@@ -15,12 +15,8 @@ Eigen::Quaterniond turned(const Eigen::Quaterniond& q, const Eigen::Vector3d& tu
   if (q.x() != 0.0 || q.y() != 0.0 || turn_rad.x() != 0.0 || turn_rad.y() != 0.0) {
     return (rotationExp(turn_rad) * q).normalized();
   }
-  const HalfTurn half = halfTurn(turn_rad.z() * turn_rad.z());
-  const double half_z = half.share * turn_rad.z();
-  const double w = half.cosine * q.w() - half_z * q.z();
-  const double z = half.cosine * q.z() + half_z * q.w();
-  const double length = std::sqrt(z * z + w * w);
-  return {w / length, 0.0, 0.0, z / length};
+  const LevelTurn sum = normalized(levelTurn(turn_rad.z()) * LevelTurn{q.w(), q.z()});
+  return {sum.w, 0.0, 0.0, sum.z};
 }
 
 }  // namespace

@@ -189,6 +189,30 @@ INSTANTIATE_TEST_SUITE_P(
       return each.param ? "plane" : "space";
     });
 
+TEST(Model, ALevelRobotsShorterStepIsTheSame) {
+  const Model model(true);
+  RandomStream random(8, "level");
+  for (int n = 0; n < 200; ++n) {
+    const State level = randomState(random, true);
+    const Motion u = randomMotion(random, true, n);
+    ASSERT_TRUE(u.rolling && level.q.x() == 0.0 && level.q.y() == 0.0);
+    // A tilt too small to change a number takes the way of every other robot.
+    State other = level;
+    other.q.x() = 1e-200;
+    const Model::Predicted a = model.predict(level, u);
+    const Model::Predicted b = model.predict(other, u);
+    EXPECT_LT(minus(a.x, b.x).norm(), 1e-12);
+    for (int j = 0; j < kStateSize; ++j) {
+      if ((b.step.columns >> static_cast<unsigned>(j) & 1U) == 0U) continue;  // not looked at
+      EXPECT_LT((a.step.coupling.col(j) - b.step.coupling.col(j)).norm(), 1e-12) << j;
+    }
+    EXPECT_LT((a.step.keep - b.step.keep).norm(), 1e-12);
+    EXPECT_LT((a.step.top_noise - b.step.top_noise).norm(), 1e-12);
+    EXPECT_LT((a.step.rest_noise - b.step.rest_noise).norm(), 1e-12);
+    EXPECT_EQ(a.step.columns, b.step.columns);
+  }
+}
+
 TEST(Model, StaysInThePlane) {
   RandomStream random(5, "model");
   const Model model(true);
