@@ -28,7 +28,10 @@ constexpr int kEnd = 4;     // 0 -> rank
 /// A rank on another machine is given up when it takes so many times as long as the slowest so far.
 constexpr double kPatience = 20.0;
 constexpr double kLeastPatience_s = 120.0;
-constexpr auto kPoll = std::chrono::microseconds(200);
+/// Between two looks for a message: of a rank that has nothing else to do, and of rank 0, which
+/// works meanwhile.
+constexpr auto kPollIdle = std::chrono::microseconds(200);
+constexpr auto kPollAtWork = std::chrono::milliseconds(1);
 
 using Clock = std::chrono::steady_clock;
 using Host = std::array<char, 64>;
@@ -175,6 +178,7 @@ std::vector<Outcome> MpiWorkers::run(
   std::future<Outcome> own;
   std::size_t own_task = 0;
   std::size_t told = 0;
+  auto beat = Clock::now() - kHeartbeatEvery;
   while (told < tasks.size()) {
     while (impl_->collect(outcomes)) {
     }
@@ -197,9 +201,16 @@ std::vector<Outcome> MpiWorkers::run(
       own = std::async(
           std::launch::async, [this, &task = tasks[own_task]] { return impl_->runner.run(task); });
     }
-    heartbeat();
     for (; told < tasks.size() && outcomes[told]; ++told) done(told, *outcomes[told]);
-    if (told < tasks.size()) std::this_thread::sleep_for(kPoll);
+    if (Clock::now() - beat >= kHeartbeatEvery) {
+      beat = Clock::now();
+      heartbeat();
+    }
+    if (own.valid()) {
+      own.wait_for(kPollAtWork);
+    } else if (told < tasks.size()) {
+      std::this_thread::sleep_for(kPollIdle);
+    }
   }
   std::vector<Outcome> result;
   for (auto& outcome : outcomes) result.push_back(std::move(*outcome));
@@ -223,7 +234,7 @@ void serveTasks(const TaskRunner& runner, const MpiWorld& world) {
     // Blocking receives of Open MPI spin; a core is worth more than a millisecond.
     while (MPI_Iprobe(0, MPI_ANY_TAG, MPI_COMM_WORLD, &there, &status) == MPI_SUCCESS &&
            there == 0) {
-      std::this_thread::sleep_for(kPoll);
+      std::this_thread::sleep_for(kPollIdle);
     }
     if (there == 0) return;
     const std::string bytes = receive(status);

@@ -13,9 +13,6 @@
 namespace vestibule::tuning {
 namespace {
 
-/// The heart beats so often while nothing gets done.
-constexpr auto kHeartbeatEvery = std::chrono::milliseconds(100);
-
 /// Of this thread.
 double cpuSeconds() {
   timespec t{};

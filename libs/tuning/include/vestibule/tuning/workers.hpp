@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <string>
 #include <utility>
@@ -41,6 +42,8 @@ class TaskRunner {
 
 /// Told now and then while tasks are being done; may throw to end the run.
 using Heartbeat = std::function<void()>;
+/// It is told so often while nothing gets done.
+inline constexpr auto kHeartbeatEvery = std::chrono::milliseconds(100);
 /// Told of every outcome in the order of the tasks, as soon as all before it are known.
 using Done = std::function<void(std::size_t, const Outcome&)>;
 
