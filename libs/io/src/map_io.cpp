@@ -1,18 +1,23 @@
 #include "vestibule/io/map_io.hpp"
 
+#include <fcntl.h>
 #include <mrpt/maps/COccupancyGridMap2D.h>
 #include <mrpt/maps/CSimpleMap.h>
+#include <unistd.h>
 
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
-#include <iostream>
+#include <limits>
+#include <mutex>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
 #include "byte_stream.hpp"
 #include "map_yaml.hpp"
 #include "mrpt_object.hpp"
+#include "pgm.hpp"
 #include "vestibule/core/errors.hpp"
 #include "wean_map.hpp"
 
@@ -29,77 +34,105 @@ constexpr std::uint8_t kPgmUnknown = 205;
 constexpr std::uint8_t kPgmFree = 254;
 constexpr double kSimpleMapResolution_m = 0.05;
 
-/// OpenCV's image readers write to std::cerr what is wrong with a file, and where in their code;
-/// errors here name the file and the remedy.
+/// OpenCV and the libraries under it write to the standard error stream what is wrong with a file;
+/// errors here name the file and the remedy. For the process: one at a time.
 class Quiet {
  public:
-  Quiet() : cerr_(std::cerr.rdbuf(nullptr)) {}
+  Quiet() : lock_(mutex()), kept_(dup(STDERR_FILENO)) {
+    const int nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
+    if (kept_ >= 0 && nowhere >= 0) dup2(nowhere, STDERR_FILENO);
+    if (nowhere >= 0) close(nowhere);
+  }
   ~Quiet() {
-    std::cerr.rdbuf(cerr_);
-    std::cerr.clear();
+    if (kept_ < 0) return;
+    (void)std::fflush(stderr);
+    dup2(kept_, STDERR_FILENO);
+    close(kept_);
   }
   Quiet(const Quiet&) = delete;
   Quiet& operator=(const Quiet&) = delete;
 
  private:
-  std::streambuf* cerr_;
+  static std::mutex& mutex() {
+    static std::mutex m;
+    return m;
+  }
+  std::lock_guard<std::mutex> lock_;
+  int kept_;
 };
 
 cv::Mat readImage(const std::string& path, const MapYaml& yaml) {
+  const std::string where = yaml.image_ref.text() + ": image: " + path;
   if (!fs::is_regular_file(path)) {
-    throw InputError(
-        yaml.image_ref.text() + ": image: " + path +
-        ": no such file; correct the path (it is relative to the YAML)");
+    throw InputError(where + ": no such file; correct the path (it is relative to the YAML)");
   }
   cv::Mat image;
-  try {
-    const Quiet quiet;
-    image = cv::imread(path, cv::IMREAD_UNCHANGED);
-  } catch (const cv::Exception&) {
-    // imread reports some damaged files this way, others by an empty image.
+  if (isPgm(path)) {
+    image = readPgm(path, where);
+  } else {
+    try {
+      const Quiet quiet;
+      image = cv::imread(path, cv::IMREAD_UNCHANGED);
+    } catch (const cv::Exception&) {
+      // imread reports some damaged files this way, others by an empty image.
+    }
   }
   if (image.empty()) {
     throw InputError(
-        yaml.image_ref.text() + ": image: " + path +
-        ": not a readable PGM, PNG or BMP image; export the map again");
+        where + ": not a readable PGM, PNG or BMP image, or cut short; export the map again");
   }
-  if (image.depth() == CV_16U)
-    image.convertTo(image, CV_MAKETYPE(CV_8U, image.channels()), 1.0 / 257);
-  if (image.depth() != CV_8U) {
-    throw InputError(path + ": only 8 and 16 bit images are maps; export it as 8 bit grey");
+  if (image.depth() != CV_8U && image.depth() != CV_16U) {
+    throw InputError(where + ": only 8 and 16 bit images are maps; export it as 8 bit grey");
   }
   return image;
 }
 
-/// Grey value (mean of the colours) and alpha of a pixel.
+/// Mean of the colours and alpha of a pixel, 0..1; alpha is absent where the image has none.
 struct Pixel {
-  double grey;
-  double alpha;
+  double shade;
+  std::optional<double> alpha;
 };
 
+template <class Depth>
 Pixel pixelAt(const cv::Mat& image, int row, int column) {
+  constexpr double kWhite = std::numeric_limits<Depth>::max();
   const int channels = image.channels();
-  const std::uint8_t* p = image.ptr<std::uint8_t>(row) + column * channels;
+  const Depth* p = image.ptr<Depth>(row) + column * channels;
   const int colours = channels >= 3 ? 3 : 1;
-  double sum = 0.0;
+  int sum = 0;
   for (int c = 0; c < colours; ++c) sum += p[c];
-  const bool has_alpha = channels == 2 || channels == 4;
-  return {sum / colours, has_alpha ? static_cast<double>(p[channels - 1]) : 255.0};
+  Pixel pixel{sum / (colours * kWhite), {}};
+  if (channels == 2 || channels == 4) pixel.alpha = p[channels - 1] / kWhite;
+  return pixel;
 }
 
-Cell cellOf(const Pixel& pixel, const MapYaml& yaml) {
-  if (yaml.mode == MapMode::kRaw) {
-    // Values are occupancy percentages 0..100; anything above is unknown.
-    const double percent = pixel.grey;
-    if (percent > 100.0) return Cell::kUnknown;
-    if (percent / 100.0 >= yaml.occupied_thresh) return Cell::kOccupied;
-    return percent / 100.0 <= yaml.free_thresh ? Cell::kFree : Cell::kUnknown;
+/// The value map_server gives a cell: 0 free to 100 occupied, -1 unknown.
+int mapServerValue(const Pixel& pixel, const MapYaml& yaml) {
+  if (yaml.mode == MapMode::kRaw) {  // percentages; negate does not touch them
+    const auto percent = static_cast<int>(std::round(pixel.shade * 255.0));
+    return percent <= 100 ? percent : -1;
   }
-  if (yaml.mode == MapMode::kScale && pixel.alpha < 255.0) return Cell::kUnknown;
-  const double shade = pixel.grey / 255.0;
+  const bool trinary = yaml.mode == MapMode::kTrinary;
+  // Trinary takes alpha for one more colour, scale everything translucent for unknown.
+  if (!trinary && pixel.alpha && *pixel.alpha < 1.0) return -1;
+  const double shade =
+      trinary && pixel.alpha ? (3.0 * pixel.shade + *pixel.alpha) / 4.0 : pixel.shade;
   const double occupancy = yaml.negate ? shade : 1.0 - shade;
-  if (occupancy > yaml.occupied_thresh) return Cell::kOccupied;
-  return occupancy < yaml.free_thresh ? Cell::kFree : Cell::kUnknown;
+  if (occupancy > yaml.occupied_thresh) return 100;
+  if (occupancy < yaml.free_thresh) return 0;
+  if (trinary || !(yaml.occupied_thresh > yaml.free_thresh)) return -1;
+  return static_cast<int>(std::rint(
+      (occupancy - yaml.free_thresh) / (yaml.occupied_thresh - yaml.free_thresh) * 100.0));
+}
+
+/// As AMCL takes them: only 0 is free and only 100 an obstacle. Raw percentages have not seen the
+/// thresholds yet.
+Cell cellOf(const Pixel& pixel, const MapYaml& yaml) {
+  const int value = mapServerValue(pixel, yaml);
+  if (value < 0) return Cell::kUnknown;
+  const bool raw = yaml.mode == MapMode::kRaw;
+  if (value > 0 && value >= (raw ? 100.0 * yaml.occupied_thresh : 100.0)) return Cell::kOccupied;
+  return value <= (raw ? 100.0 * yaml.free_thresh : 0.0) ? Cell::kFree : Cell::kUnknown;
 }
 
 grid::OccupancyMap loadMapServer(const std::string& path) {
@@ -112,7 +145,10 @@ grid::OccupancyMap loadMapServer(const std::string& path) {
   cells.reserve(static_cast<std::size_t>(image.cols) * static_cast<std::size_t>(image.rows));
   for (int row = image.rows - 1; row >= 0; --row) {
     for (int column = 0; column < image.cols; ++column) {
-      cells.push_back(cellOf(pixelAt(image, row, column), yaml));
+      cells.push_back(cellOf(
+          image.depth() == CV_16U ? pixelAt<std::uint16_t>(image, row, column)
+                                  : pixelAt<std::uint8_t>(image, row, column),
+          yaml));
     }
   }
   // The origin is the pose of the lower left corner, its yaw turns the whole image.

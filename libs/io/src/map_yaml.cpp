@@ -1,6 +1,7 @@
 #include "map_yaml.hpp"
 
 #include <array>
+#include <cctype>
 #include <charconv>
 #include <initializer_list>
 
@@ -10,6 +11,7 @@ namespace vestibule::io {
 namespace {
 
 constexpr double kMaxResolution_m = 100.0;
+constexpr double kMinResolution_m = 1e-4;
 
 /// Shortest decimals that read back as the same number.
 template <class Number>
@@ -21,6 +23,14 @@ std::string shortest(Number value) {
 
 /// Grids keep their cell size in single precision: 0.05 shall not come back as 0.0500000007.
 std::string shortestSingle(double value) { return shortest(static_cast<float>(value)); }
+
+std::optional<MapMode> modeOf(std::string word) {
+  for (char& c : word) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  if (word == "trinary") return MapMode::kTrinary;
+  if (word == "scale") return MapMode::kScale;
+  if (word == "raw") return MapMode::kRaw;
+  return std::nullopt;
+}
 
 MapYaml finish(ParamFile& file) {
   MapYaml yaml;
@@ -52,15 +62,19 @@ void describe(ParamIo& io, MapGeoreference& g) {
 void describe(ParamIo& io, MapYaml& yaml) {
   io.required("image", yaml.image);
   yaml.image_ref = io.here("image");
-  io.required("resolution", yaml.resolution, Bounds{0.0, kMaxResolution_m, true});
+  io.required("resolution", yaml.resolution, within(kMinResolution_m, kMaxResolution_m));
   std::vector<double> origin;
   io.required("origin", origin, 2, 3);
   if (origin.size() >= 2) {
     yaml.T_map_corner = {origin[0], origin[1], origin.size() == 3 ? origin[2] : 0.0};
   }
-  static const std::vector<std::pair<std::string_view, MapMode>> kModes{
-      {"trinary", MapMode::kTrinary}, {"scale", MapMode::kScale}, {"raw", MapMode::kRaw}};
-  io.optional("mode", yaml.mode, kModes);
+  if (io.has("mode")) {  // in capitals, too, as map_server has it
+    std::string word;
+    io.optional("mode", word);
+    const auto mode = modeOf(word);
+    if (mode) yaml.mode = *mode;
+    if (!mode) io.problem("mode", "must be one of trinary, scale, raw, is '" + word + "'");
+  }
   // Some tools write 0 and 1, others false and true.
   if (io.has("negate")) {
     std::string word;

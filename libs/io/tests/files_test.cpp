@@ -175,6 +175,75 @@ TEST(MapIo, ReadsAMapServerMap) {
   EXPECT_EQ(map.at({1.07, 2.02}), Cell::kFree);
 }
 
+/// A map of one row of pixels in the given mode.
+std::vector<Cell> rowOf(
+    const std::string& mode, const std::string& image, const std::string& bytes, bool negate) {
+  const auto folder = testFolder();
+  writeFile(folder / image, bytes);
+  const auto map = loadMap(writeFile(
+      folder / "row.yaml",
+      "image: " + image + "\nmode: " + mode + "\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: " +
+          (negate ? "1" : "0") + "\noccupied_thresh: 0.65\nfree_thresh: 0.25\n"));
+  std::vector<Cell> cells;
+  for (int ix = 0; ix < map.width(); ++ix) cells.push_back(map.cell(ix, 0));
+  return cells;
+}
+
+constexpr Cell kF = Cell::kFree, kO = Cell::kOccupied, kU = Cell::kUnknown;
+using testing::ElementsAre;
+
+TEST(MapIo, ModesDecideAsMapServerDoes) {
+  const std::string shades = "P2 6 1 255  0 89 90 191 192 255\n";
+  EXPECT_THAT(rowOf("trinary", "r.pgm", shades, false), ElementsAre(kO, kO, kU, kU, kF, kF));
+  EXPECT_THAT(rowOf("trinary", "r.pgm", shades, true), ElementsAre(kF, kU, kU, kO, kO, kO));
+  // 191 is 0.251 occupied: 0.2 % of the way from free to occupied, which map_server rounds to 0.
+  EXPECT_THAT(rowOf("Scale", "r.pgm", shades, false), ElementsAre(kO, kO, kU, kF, kF, kF));
+  const std::string percentages = "P2 6 1 255  0 25 26 65 100 101";
+  EXPECT_THAT(rowOf("raw", "r.pgm", percentages, false), ElementsAre(kF, kF, kU, kO, kO, kU));
+  EXPECT_THAT(rowOf("raw", "r.pgm", percentages, true), ElementsAre(kF, kF, kU, kO, kO, kU));
+}
+
+TEST(MapIo, APgmsWhiteIsItsOwn) {
+  EXPECT_THAT(
+      rowOf("trinary", "r.pgm", "P2\n# by hand\n3 1\n100\n0 50 100", false),
+      ElementsAre(kO, kU, kF));
+  EXPECT_THAT(
+      rowOf("trinary", "r.pgm", std::string("P5 3 1 1000\n\0\0\1\xf4\3\xe8", 18), false),
+      ElementsAre(kO, kU, kF));
+}
+
+TEST(MapIo, AlphaIsOneMoreColourInTrinaryAndUnknownInScale) {
+  // Grey and alpha: opaque white, opaque black, clear white, clear black (PNG of one row).
+  const std::string png = std::string("\x89PNG\r\n\x1a\n", 8) +
+                          std::string(
+                              "\000\000\000\015\111\110\104\122\000\000\000\004\000\000\000\001"
+                              "\010\004\000\000\000\123\065\307\106\000\000\000\017\111\104\101"
+                              "\124\170\234\143\370\377\237\001\210\030\030\000\027\361\003\375"
+                              "\136\324\174\104\000\000\000\000\111\105\116\104\256\102\140\202",
+                              64);
+  EXPECT_THAT(rowOf("trinary", "r.png", png, false), ElementsAre(kF, kO, kU, kO));
+  EXPECT_THAT(rowOf("scale", "r.png", png, false), ElementsAre(kF, kO, kU, kU));
+}
+
+TEST(MapIo, ImagesCutShortSaySoAndNothingElse) {
+  const auto folder = testFolder();
+  const std::string yaml = writeFile(folder / "m.yaml", kMapYaml);
+  const auto error = [&](const std::string& image) {
+    writeFile(folder / "m.pgm", image);
+    testing::internal::CaptureStderr();
+    const std::string text = mapError(yaml);
+    EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+    return text;
+  };
+  EXPECT_THAT(error(kPgm.substr(0, kPgm.size() - 1)), HasSubstr("m.yaml:1: image: "));
+  EXPECT_THAT(error(kPgm.substr(0, kPgm.size() - 1)), HasSubstr("cut short, 5 of 6 pixels"));
+  EXPECT_THAT(error("P2\n3 2\n255\n0 254 205 254  254  "), HasSubstr("cut short, 5 of 6 pixels"));
+  EXPECT_THAT(error("P2\n3 2\n"), HasSubstr("not a PGM header"));
+  EXPECT_THAT(error("P5\n-3 2\n255\n"), HasSubstr("not a PGM header"));
+  EXPECT_THAT(error("P5\n999999 999999\n255\nabc"), HasSubstr("cut short, 3 of 999998000001"));
+  EXPECT_THAT(error("\x89PNG\r\n\x1a\n"), HasSubstr("cut short; export the map again"));
+}
+
 TEST(MapIo, TurnsWithTheOriginsYaw) {
   const auto folder = testFolder();
   writeFile(folder / "m.pgm", kPgm);
@@ -284,7 +353,7 @@ TEST(MapIo, BadMapsNameThePlace) {
   testing::internal::CaptureStderr();
   EXPECT_THAT(
       with("image: cut.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n"),
-      testing::AllOf(HasSubstr("InputError"), HasSubstr("cut.pgm"), HasSubstr("not a readable")));
+      testing::AllOf(HasSubstr("InputError"), HasSubstr("cut.pgm"), HasSubstr("cut short")));
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
   EXPECT_THAT(with("image: [\n"), HasSubstr("ConfigError"));
   EXPECT_THAT(mapError((folder / "none.yaml").string()), HasSubstr("none.yaml"));
