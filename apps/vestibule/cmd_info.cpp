@@ -21,7 +21,8 @@ struct Arguments {
 
 /// Size, place and content of a prebuilt map.
 void infoOfMap(const Arguments& args) {
-  const grid::OccupancyMap map = io::loadMap(args.log);
+  std::vector<std::string> notes;
+  const grid::OccupancyMap map = io::loadMap(args.log, &notes);
   const double all = static_cast<double>(map.width()) * static_cast<double>(map.height());
   const auto share = [&](grid::Cell kind) { return static_cast<double>(map.count(kind)) / all; };
   const Pose2 corner = compose(map.T_map_grid(), Pose2{map.corner().x, map.corner().y, 0.0});
@@ -37,6 +38,7 @@ void infoOfMap(const Arguments& args) {
   info["unknown_share"] = rounded(share(grid::Cell::kUnknown), 5);
   info["free_m2"] = rounded(
       static_cast<double>(map.count(grid::Cell::kFree)) * map.resolution() * map.resolution(), 2);
+  info["notes"] = notes;
   if (args.json) {
     std::printf("%s\n", info.dump(2).c_str());
   } else {
@@ -58,6 +60,7 @@ void infoOfMap(const Arguments& args) {
         info["free_m2"].get<double>(),
         100.0 * share(grid::Cell::kOccupied),
         100.0 * share(grid::Cell::kUnknown));
+    for (const std::string& note : notes) std::printf("  %s\n", note.c_str());
   }
   if (map.count(grid::Cell::kFree) == 0) {
     std::printf("  no free cell: nothing can be localized in it; check thresholds and negate\n");

@@ -20,7 +20,9 @@ pipeline::Config localizeConfig(const LocalizeArguments& args) {
 
 gui_headless::ReportSection runLocalize(
     const LocalizeArguments& args, RunOutput& output, pipeline::LocalizeResult& result) {
-  const auto map = std::make_shared<const grid::OccupancyMap>(io::loadMap(args.map));
+  std::vector<std::string> notes;
+  const auto map = std::make_shared<const grid::OccupancyMap>(io::loadMap(args.map, &notes));
+  for (const std::string& note : notes) std::fprintf(stderr, "%s\n", note.c_str());
   amcl::requireUsable(*map, args.map);
   const pipeline::Config config = localizeConfig(args);
   io::RecordingOptions options;
@@ -43,6 +45,7 @@ gui_headless::ReportSection runLocalize(
   Json& s = output.summary();
   s["input"] = args.log;
   s["map"] = args.map;
+  s["map_notes"] = notes;
   s["start"] = args.init ? "given pose" : "global";
   s["scans"] = result.trajectory.size();
   s["scans_used"] = result.scans_used;

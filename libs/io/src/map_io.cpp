@@ -32,6 +32,7 @@ namespace {
 constexpr std::uint8_t kPgmOccupied = 0;
 constexpr std::uint8_t kPgmUnknown = 205;
 constexpr std::uint8_t kPgmFree = 254;
+constexpr double kSaversFreeThresh = 0.196;
 constexpr double kSimpleMapResolution_m = 0.05;
 
 /// OpenCV and the libraries under it write to the standard error stream what is wrong with a file;
@@ -135,12 +136,37 @@ Cell cellOf(const Pixel& pixel, const MapYaml& yaml) {
   return value <= (raw ? 100.0 * yaml.free_thresh : 0.0) ? Cell::kFree : Cell::kUnknown;
 }
 
-grid::OccupancyMap loadMapServer(const std::string& path) {
-  const MapYaml yaml = readMapYaml(path);
+/// Whether an image has the three values that map savers write and nothing else, and the YAML would
+/// take their unknown for free.
+bool unknownWouldBeFree(const cv::Mat& image, const MapYaml& yaml) {
+  if (yaml.mode != MapMode::kTrinary || yaml.negate || image.type() != CV_8UC1) return false;
+  if (!(1.0 - kPgmUnknown / 255.0 < yaml.free_thresh)) return false;
+  bool any = false;
+  for (int row = 0; row < image.rows; ++row) {
+    for (int column = 0; column < image.cols; ++column) {
+      const std::uint8_t value = image.at<std::uint8_t>(row, column);
+      any = any || value == kPgmUnknown;
+      if (value != kPgmUnknown && value != kPgmOccupied && value < kPgmFree) return false;
+    }
+  }
+  return any;
+}
+
+grid::OccupancyMap loadMapServer(const std::string& path, std::vector<std::string>* notes) {
+  MapYaml yaml = readMapYaml(path);
   const fs::path image_path = fs::path(yaml.image).is_absolute()
                                   ? fs::path(yaml.image)
                                   : fs::path(path).parent_path() / yaml.image;
   const cv::Mat image = readImage(image_path.string(), yaml);
+  if (unknownWouldBeFree(image, yaml)) {
+    if (notes != nullptr) {
+      notes->push_back(
+          yaml.free_thresh_ref.text() +
+          ": free_thresh would make free of the 205 that map savers write for unknown; taken as "
+          "unknown (free_thresh: 0.196 says so)");
+    }
+    yaml.free_thresh = kSaversFreeThresh;
+  }
   std::vector<Cell> cells;
   cells.reserve(static_cast<std::size_t>(image.cols) * static_cast<std::size_t>(image.rows));
   for (int row = image.rows - 1; row >= 0; --row) {
@@ -187,8 +213,8 @@ bool endsWith(const std::string& text, std::string_view end) {
 
 }  // namespace
 
-grid::OccupancyMap loadMap(const std::string& path) {
-  if (endsWith(path, ".yaml") || endsWith(path, ".yml")) return loadMapServer(path);
+grid::OccupancyMap loadMap(const std::string& path, std::vector<std::string>* notes) {
+  if (endsWith(path, ".yaml") || endsWith(path, ".yml")) return loadMapServer(path, notes);
   if (endsWith(path, ".gridmap") || endsWith(path, ".gridmap.gz")) {
     COccupancyGridMap2D grid;
     readMrptObject(path, grid, "MRPT grid map");

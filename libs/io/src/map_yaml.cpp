@@ -90,6 +90,7 @@ void describe(ParamIo& io, MapYaml& yaml) {
   std::string cost_table;
   if (io.has("cost_translation_table")) io.optional("cost_translation_table", cost_table);
   io.section("georeference", yaml.georeference);
+  yaml.free_thresh_ref = io.here("free_thresh");
   if (yaml.free_thresh > yaml.occupied_thresh) {
     io.problem("free_thresh", "must not be above occupied_thresh");
   }

@@ -22,6 +22,7 @@ struct MapYaml {
   double free_thresh = 0.196;
   std::optional<MapGeoreference> georeference;
   SourceRef image_ref;  ///< where the image is named
+  SourceRef free_thresh_ref;
 };
 
 void describe(ParamIo& io, MapGeoreference& georeference);

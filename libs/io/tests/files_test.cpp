@@ -203,6 +203,26 @@ TEST(MapIo, ModesDecideAsMapServerDoes) {
   EXPECT_THAT(rowOf("raw", "r.pgm", percentages, true), ElementsAre(kF, kF, kU, kO, kO, kU));
 }
 
+TEST(MapIo, ASaversUnknownStaysUnknown) {
+  EXPECT_THAT(
+      rowOf("trinary", "r.pgm", "P2 4 1 255  0 205 254 255", false), ElementsAre(kO, kU, kF, kF));
+  // With any other value 205 is a shade like all.
+  EXPECT_THAT(
+      rowOf("trinary", "r.pgm", "P2 4 1 255  0 205 254 206", false), ElementsAre(kO, kF, kF, kF));
+  EXPECT_THAT(rowOf("scale", "r.pgm", "P2 3 1 255  0 205 254", false), ElementsAre(kO, kF, kF));
+  const auto folder = testFolder();
+  writeFile(folder / "m.pgm", kPgm);
+  std::vector<std::string> notes;
+  (void)loadMap(writeFile(folder / "m.yaml", kMapYaml), &notes);
+  EXPECT_TRUE(notes.empty());
+  std::string nav2 = kMapYaml;
+  nav2.replace(nav2.find("0.196"), 5, "0.25");
+  (void)loadMap(writeFile(folder / "n.yaml", nav2), &notes);
+  ASSERT_EQ(notes.size(), 1U);
+  EXPECT_THAT(notes[0], HasSubstr("n.yaml:6: "));
+  EXPECT_THAT(notes[0], HasSubstr("taken as unknown (free_thresh: 0.196 says so)"));
+}
+
 TEST(MapIo, APgmsWhiteIsItsOwn) {
   EXPECT_THAT(
       rowOf("trinary", "r.pgm", "P2\n# by hand\n3 1\n100\n0 50 100", false),

@@ -25,7 +25,13 @@ struct MapGeoreference {
 /// .simplemap[.gz] (its scans inserted at 0.05 m), .dat[.gz] of the Wean Hall recordings. Throws
 /// ConfigError with file:line for a problem in a map YAML, InputError for a missing or unreadable
 /// image, MRPT or .dat file.
-[[nodiscard]] grid::OccupancyMap loadMap(const std::string& path);
+///
+/// One thing is not read as map_server does: until 2025 Nav2's map saver wrote 205 for unknown and
+/// a free_thresh of 0.25, by which 205 is free. An image of a saver's three values alone keeps its
+/// unknown.
+/// \param notes  told of that, in words with file:line
+[[nodiscard]] grid::OccupancyMap loadMap(
+    const std::string& path, std::vector<std::string>* notes = nullptr);
 
 /// Whether a file is one that loadMap() takes, by its name; a .dat[.gz], which may as well be a
 /// recording, by its first word. False for what cannot be read.
