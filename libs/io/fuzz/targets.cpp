@@ -2,6 +2,7 @@
 
 #include "cdr.hpp"
 #include "map_yaml.hpp"
+#include "pgm.hpp"
 #include "readers.hpp"
 #include "vestibule/core/errors.hpp"
 #include "wean_map.hpp"
@@ -49,6 +50,10 @@ void readCsv(const std::string& bytes) {
   survive([&] { drain(*openCsv(openMemory(bytes, "fuzz.csv"), mapping, {})); });
   survive([&] { (void)readCsvReference(openMemory(bytes, "fuzz.csv"), mapping); });
   survive([&] { (void)parseParams<CsvMapping>(bytes, "fuzz.yaml"); });
+}
+
+void readPgm(const std::string& bytes) {
+  if (looksLikePgm(bytes)) survive([&] { (void)decodePgm(bytes, "fuzz.pgm"); });
 }
 
 void readMapYaml(const std::string& bytes) {

@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <limits>
 #include <mutex>
 #include <opencv2/core.hpp>
@@ -67,15 +68,18 @@ cv::Mat readImage(const std::string& path, const MapYaml& yaml) {
   if (!fs::is_regular_file(path)) {
     throw InputError(where + ": no such file; correct the path (it is relative to the YAML)");
   }
+  std::ifstream file(path, std::ios::binary);
+  const std::string bytes{std::istreambuf_iterator<char>(file), {}};
   cv::Mat image;
-  if (isPgm(path)) {
-    image = readPgm(path, where);
+  if (looksLikePgm(bytes)) {
+    image = decodePgm(bytes, where);
   } else {
     try {
       const Quiet quiet;
-      image = cv::imread(path, cv::IMREAD_UNCHANGED);
+      image =
+          cv::imdecode(std::vector<std::uint8_t>(bytes.begin(), bytes.end()), cv::IMREAD_UNCHANGED);
     } catch (const cv::Exception&) {
-      // imread reports some damaged files this way, others by an empty image.
+      // imdecode reports some damaged files this way, others by an empty image.
     }
   }
   if (image.empty()) {

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cctype>
 #include <cstdint>
-#include <fstream>
-#include <iterator>
 #include <optional>
 
 #include "vestibule/core/errors.hpp"
@@ -48,15 +46,11 @@ class Numbers {
 
 }  // namespace
 
-bool isPgm(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  char magic[2] = {};
-  return file.read(magic, 2) && magic[0] == 'P' && (magic[1] == '2' || magic[1] == '5');
+bool looksLikePgm(const std::string& bytes) {
+  return bytes.size() >= 2 && bytes[0] == 'P' && (bytes[1] == '2' || bytes[1] == '5');
 }
 
-cv::Mat readPgm(const std::string& path, const std::string& where) {
-  std::ifstream file(path, std::ios::binary);
-  const std::string bytes{std::istreambuf_iterator<char>(file), {}};
+cv::Mat decodePgm(const std::string& bytes, const std::string& where) {
   Numbers numbers(bytes, 2);
   const auto width = numbers.next(kMaxSide);
   const auto height = numbers.next(kMaxSide);

@@ -94,6 +94,7 @@ TEST(Corpus, WhatComesBeforeTheDamageIsRead) {
 
 TEST(Corpus, Csv) { feed("csv", fuzz::readCsv); }
 TEST(Corpus, Cdr) { feed("cdr", fuzz::readCdr); }
+TEST(Corpus, Pgm) { feed("pgm", fuzz::readPgm); }
 TEST(Corpus, WeanMap) { feed("wean_map", fuzz::readWeanMapBytes); }
 TEST(Corpus, MapYaml) { feed("map_yaml", fuzz::readMapYaml); }
 
