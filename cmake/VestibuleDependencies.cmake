@@ -4,6 +4,7 @@ foreach(component IN ITEMS math poses random maps obs slam nav io serialization 
 endforeach()
 find_package(MPI REQUIRED COMPONENTS C)
 find_package(yaml-cpp REQUIRED)
+find_package(tinyxml2 REQUIRED)
 find_package(CLI11 REQUIRED)
 find_package(nlohmann_json REQUIRED)
 find_package(ZLIB REQUIRED)

@@ -134,16 +134,16 @@ std::string joined(const std::vector<std::string>& words) {
 
 /// Says what the file of AMCL parameters did, and takes its start pose where none is given.
 void tellAmclNames(Options& o) {
-  amcl::AmclParams ignored;
-  const amcl::AmclNames names = amcl::applyAmclFile(o.args.amcl_params, ignored);
+  amcl::AmclParams params;
+  const amcl::AmclNames names = amcl::applyAmclFile(o.args.amcl_params, params);
   std::printf("%s: %zu parameters taken over", o.args.amcl_params.c_str(), names.applied.size());
-  if (!names.ignored.empty()) {
-    std::printf("; without effect here: %s", joined(names.ignored).c_str());
+  std::printf(names.ignored.empty() ? "\n" : "; without effect here:\n");
+  for (const auto& [reason, ignored] : names.ignored) {
+    std::printf("  %s (%s)\n", joined(ignored).c_str(), reason.c_str());
   }
   if (!names.unknown.empty()) {
-    std::printf("; not parameters of AMCL: %s", joined(names.unknown).c_str());
+    std::printf("not parameters of AMCL: %s\n", joined(names.unknown).c_str());
   }
-  std::printf("\n");
   if (o.init.empty() && !o.global && names.T_map_base_init) o.args.init = names.T_map_base_init;
 }
 
@@ -170,7 +170,8 @@ void addLocalize(CLI::App& app, int& exit_code) {
   command->add_option(
       "--amcl-params",
       o->args.amcl_params,
-      "parameter file of nav2_amcl (or ROS 1's amcl), on top of --config");
+      "parameter file of nav2_amcl, or parameter or launch file of ROS 1's amcl, on top of "
+      "--config");
   command->add_option("--ref", o->ref, "reference trajectory (TUM) for the errors in the report");
   command->add_option("--out", o->out, "output folder")->required();
   command->callback([o, &exit_code] {

@@ -1,6 +1,6 @@
 #include "vestibule/amcl/amcl_names.hpp"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <cmath>
 #include <filesystem>
@@ -10,6 +10,8 @@
 
 namespace vestibule::amcl {
 namespace {
+
+using testing::HasSubstr;
 
 /// A parameter file that is gone after the test.
 class File {
@@ -47,7 +49,8 @@ TEST(AmclNames, ReadsAFileOfNav2) {
   EXPECT_EQ(params.update_min_d_m, 0.25);
   ASSERT_TRUE(names.T_map_base_init);
   EXPECT_EQ(names.T_map_base_init->y, -2.0);
-  EXPECT_EQ(names.ignored, std::vector<std::string>{"tf_broadcast"});
+  EXPECT_EQ(names.ignored.size(), 1U);
+  EXPECT_EQ(names.ignored.at("no ROS here"), std::vector<std::string>{"tf_broadcast"});
   EXPECT_EQ(names.unknown, std::vector<std::string>{"nonsense"});
 }
 
@@ -62,15 +65,65 @@ TEST(AmclNames, KnowsTheNamesOfRos1) {
   EXPECT_EQ(names.applied.size(), 4U);
 }
 
-TEST(AmclNames, NamesTheLineOfWhatIsWrong) {
+TEST(AmclNames, ReadsALaunchFileOfRos1) {
+  const File file(
+      "<?xml version=\"1.0\"?>\n<launch>\n  <arg name=\"x\" default=\"0.5\"/>\n"
+      "  <node pkg=\"map_server\" type=\"map_server\" name=\"m\"><param name=\"kld_err\" "
+      "value=\"0.9\"/></node>\n"
+      "  <node pkg=\"amcl\" type=\"amcl\" name=\"amcl\">\n"
+      "    <param name=\"odom_model_type\" value=\"omni-corrected\"/>\n"
+      "    <param name=\"min_particles\" value=\"300\"/>\n"
+      "    <param name=\"initial_pose_x\" value=\"$(arg x)\"/>\n  </node>\n</launch>\n");
   AmclParams params;
-  const File word("alpha1: 0.2\nsigma_hit: wide\n");
-  try {
-    (void)applyAmclFile(word.path(), params);
-    FAIL();
-  } catch (const ConfigError& e) {
-    EXPECT_EQ(e.what(), word.path() + ":2: sigma_hit: must be a number");
-  }
+  const AmclNames names = applyAmclFile(file.path(), params);
+  EXPECT_EQ(names.applied.size(), 3U);
+  EXPECT_EQ(params.motion.model, MotionModel::kOmni);
+  EXPECT_EQ(params.kld.min_particles, 300);
+  EXPECT_EQ(params.kld.epsilon, AmclParams().kld.epsilon);
+  ASSERT_TRUE(names.T_map_base_init);
+  EXPECT_EQ(names.T_map_base_init->x, 0.5);
+}
+
+TEST(AmclNames, AStartPoseIsSetOnlyWhereTheFileWantsIt) {
+  AmclParams params;
+  const File off("set_initial_pose: false\ninitial_pose: {x: 3.0, y: 1.0}\n");
+  EXPECT_FALSE(applyAmclFile(off.path(), params).T_map_base_init);
+  const File dotted("initial_pose.x: 3.0\n");
+  EXPECT_TRUE(applyAmclFile(dotted.path(), params).T_map_base_init);
+}
+
+TEST(AmclNames, NamesTheLineOfWhatIsWrong) {
+  const auto error = [](const std::string& text) {
+    const File file(text);
+    AmclParams params;
+    try {
+      (void)applyAmclFile(file.path(), params);
+    } catch (const ConfigError& e) {
+      const std::string what = e.what();
+      return what.substr(file.path().size());
+    }
+    return std::string("accepted");
+  };
+  EXPECT_EQ(error("alpha1: 0.2\nsigma_hit: wide\n"), ":2: sigma_hit: must be a number");
+  EXPECT_EQ(
+      error("alpha1: 0.2\nsigma_hit: 0\n"),
+      ":2: sigma_hit = 0 is amcl.likelihood_field.sigma_hit_m = 0: must be > 0");
+  EXPECT_THAT(error("pf_z: 0\n"), HasSubstr(":1: pf_z = 0 is amcl.kld.delta = 1: must be"));
+  EXPECT_THAT(error("max_particles: 1e12\n"), HasSubstr(":1: max_particles = 1e12 is amcl.kld"));
+  EXPECT_EQ(error("min_particles: 8000\nmax_particles: 9000\n"), "accepted");
+  EXPECT_THAT(error("min_particles: 900\nmax_particles: 100\n"), HasSubstr("must not exceed"));
+  EXPECT_EQ(error("do_beamskip: maybe\n"), ":1: do_beamskip: must be true or false");
+  EXPECT_THAT(error("robot_model_type: [1]\n"), HasSubstr(":1: robot_model_type = "));
+  EXPECT_EQ(error("initial_pose:\n  x: .nan\n"), ":2: initial_pose.x: must be a number");
+  EXPECT_THAT(error("initial_pose: 3\n"), HasSubstr(":1: initial_pose: must have x, y"));
+  EXPECT_EQ(error("kld_err: 0.1\npf_err: 0.1\n"), ":2: pf_err: given twice");
+  EXPECT_THAT(error("planner:\n  x: 3\n"), HasSubstr(": no parameter of AMCL in it"));
+  EXPECT_THAT(
+      error("<launch><node pkg=\"amcl\"><param name=\"kld_err\" value=\"$(arg "
+            "e)\"/></node></launch>"),
+      HasSubstr(":1: $(arg e): only arguments"));
+  EXPECT_THAT(error("<launch><node pkg=\"amcl\">\n"), HasSubstr("not a sound launch file"));
+  AmclParams params;
   EXPECT_THROW((void)applyAmclFile("/nowhere.yaml", params), InputError);
 }
 

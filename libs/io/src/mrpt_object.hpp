@@ -22,7 +22,11 @@ void readMrptObject(const std::string& path, T& object, const std::string& what)
     archive >> object;
     return;
   } catch (const std::exception& e) {
+    // MRPT's texts are a banner, "Message:  what it is", and where in its code.
     reason = e.what();
+    if (const auto message = reason.find("Message:"); message != std::string::npos) {
+      reason.erase(0, reason.find_first_not_of(' ', message + 8));
+    }
     reason = reason.substr(0, reason.find('\n'));
   }
   throw InputError(path + ": not a readable " + what + " (" + reason + "); export it again");

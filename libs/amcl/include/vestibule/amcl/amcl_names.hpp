@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -11,16 +12,17 @@ namespace vestibule::amcl {
 
 /// What a parameter file of nav2_amcl, or of ROS 1's amcl, changed here.
 struct AmclNames {
-  std::vector<std::string> applied;      ///< names as they stand in the file
-  std::vector<std::string> ignored;      ///< known there, without a counterpart here
+  std::vector<std::string> applied;  ///< names as they stand in the file
+  /// Known there, without a counterpart here: why, and which.
+  std::map<std::string, std::vector<std::string>> ignored;
   std::vector<std::string> unknown;      ///< not known there either
-  std::optional<Pose2> T_map_base_init;  ///< initial_pose, where the file sets one
+  std::optional<Pose2> T_map_base_init;  ///< initial_pose, where the file wants one set
 };
 
 /// Reads AMCL's parameters by their usual names into ours; docs/localization.md has the table. The
-/// file may be nav2's (`amcl: ros__parameters: ...`), or ROS 1's flat names, with or without an
-/// `amcl:` above them. Throws ConfigError with file:line for what is not a number, and InputError
-/// where the file cannot be read.
+/// file may be nav2's (`amcl: ros__parameters: ...`), ROS 1's flat names, with or without an
+/// `amcl:` above them, or a launch file of ROS 1. Throws ConfigError with file:line for values that
+/// are none or that our own rules refuse, and InputError where the file cannot be read.
 [[nodiscard]] AmclNames applyAmclFile(const std::string& path, AmclParams& params);
 
 }  // namespace vestibule::amcl
