@@ -187,6 +187,7 @@ void drawPriorMap(Canvas& canvas, const View& view, const grid::OccupancyMap& ma
   const CellRange shown = shownCells(view, map, 2 * block);
   if (shown.columns <= 0 || shown.rows <= 0) return;
   auto [occupied, known] = averaged(map, shown, block);
+  if (occupied.empty()) return;  // smaller than a pixel
   const double gain = shrink > 1.0 ? std::min(1.5 * shrink, 6.0) : 1.0;
   const cv::Size cells = occupied.size() * block;
   if (shrink > block) {

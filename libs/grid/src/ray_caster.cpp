@@ -1,5 +1,6 @@
 #include "vestibule/grid/ray_caster.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -27,6 +28,23 @@ struct Axis {
   }
 };
 
+/// The part of a ray over [0, size] on one axis, as ray parameters; empty when first > last.
+struct Span {
+  double first = 0.0;
+  double last = std::numeric_limits<double>::infinity();
+
+  void cut(double start, double direction, double size) {
+    if (direction == 0.0) {
+      if (!(start >= 0.0 && start <= size)) last = -1.0;
+      return;
+    }
+    const double a = -start / direction;
+    const double b = (size - start) / direction;
+    first = std::max(first, std::min(a, b));
+    last = std::min(last, std::max(a, b));
+  }
+};
+
 }  // namespace
 
 RayCaster::RayCaster(const OccupancyMap& map)
@@ -45,9 +63,16 @@ RayCaster::RayCaster(const OccupancyMap& map)
 double RayCaster::range(const Point2& p_map, double yaw_rad, double max_range_m) const {
   const Point2 p = transform(T_cells_map_, p_map);
   const double yaw = yaw_rad + T_cells_map_.phi;
-  Axis x(p.x / resolution_m_, std::cos(yaw));
-  Axis y(p.y / resolution_m_, std::sin(yaw));
-  const double max_cells = max_range_m / resolution_m_;
+  const Point2 start{p.x / resolution_m_, p.y / resolution_m_};
+  const Point2 direction{std::cos(yaw), std::sin(yaw)};
+  // Nothing is mapped beyond the map: no walk there, however far it is.
+  Span over_map;
+  over_map.cut(start.x, direction.x, width_);
+  over_map.cut(start.y, direction.y, height_);
+  const double max_cells = std::min(max_range_m / resolution_m_, over_map.last + 2.0);
+  if (!(over_map.first <= over_map.last && over_map.first < max_cells)) return max_range_m;
+  Axis x(start.x, direction.x);
+  Axis y(start.y, direction.y);
   double walked = 0.0;
   while (!occupied(x.cell, y.cell)) {
     walked = x.next < y.next ? x.advance() : y.advance();

@@ -51,6 +51,19 @@ TEST(RayCaster, EndsAtItsRangeOutsideOfTheMapAndInAnEmptyOne) {
   const RayCaster caster(map);
   EXPECT_DOUBLE_EQ(caster.range({1.0, 1.0}, 0.0, 7.5), 7.5);
   EXPECT_DOUBLE_EQ(caster.range({-50.0, 1.0}, kPi, 7.5), 7.5);
+  // Where cells can no longer be counted, too.
+  EXPECT_DOUBLE_EQ(caster.range({1e12, -1e12}, 0.3, 7.5), 7.5);
+  EXPECT_DOUBLE_EQ(caster.range({std::nan(""), 1.0}, 0.3, 7.5), 7.5);
+}
+
+TEST(RayCaster, SeesTheMapFromOutside) {
+  const auto map = OccupancyMap::fromCells(
+      kWidth, kHeight, kResolution, {0, 0}, std::vector<Cell>(kWidth * kHeight, Cell::kOccupied));
+  const RayCaster caster(map);
+  EXPECT_NEAR(caster.range({-5.0, 1.0}, 0.0, 7.5), 5.0, 1e-9);
+  EXPECT_DOUBLE_EQ(caster.range({-5.0, 1.0}, 0.0, 4.9), 4.9);
+  EXPECT_DOUBLE_EQ(caster.range({-5.0, 1.0}, 1.0, 7.5), 7.5);
+  EXPECT_NEAR(caster.range({3.0, 9.0}, -0.5 * kPi, 7.5), 6.0, 1e-6);
 }
 
 TEST(RayCaster, IsZeroInsideAnObstacle) {
