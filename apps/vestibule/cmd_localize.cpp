@@ -7,6 +7,7 @@
 #include "terminal.hpp"
 #include "vestibule/amcl/amcl_names.hpp"
 #include "vestibule/amcl/particle_localizer.hpp"
+#include "vestibule/core/errors.hpp"
 #include "vestibule/core/memory.hpp"
 #include "vestibule/io/map_io.hpp"
 
@@ -33,7 +34,7 @@ gui_headless::ReportSection runLocalize(
   {
     ProgressBar bar("localize");
     result = pipeline::localize(
-        args.log, options, map, args.init, config, output.observers(), bar.callback());
+        args.log, options, map, args.init, config, output.observers(), bar.callback(), args.hints);
     wall_s = bar.wallSeconds();
   }
   output.timing(wall_s, result.data_s);
@@ -47,6 +48,19 @@ gui_headless::ReportSection runLocalize(
   s["map"] = args.map;
   s["map_notes"] = notes;
   s["start"] = args.init ? "given pose" : "global";
+  if (args.hints.near) {
+    const auto& near = *args.hints.near;
+    s["hints"]["near"] = {near.p_map.x, near.p_map.y, near.sigma_m};
+  }
+  if (args.hints.heading) {
+    s["hints"]["heading_deg"] = {
+        rounded(radToDeg(args.hints.heading->yaw_rad), 4),
+        rounded(radToDeg(args.hints.heading->sigma_rad), 4)};
+  }
+  if (args.hints.zone) {
+    const auto& [low, high] = *args.hints.zone;
+    s["hints"]["zone"] = {low.x, low.y, high.x, high.y};
+  }
   s["scans"] = result.trajectory.size();
   s["scans_used"] = result.scans_used;
   s["data_s"] = rounded(result.data_s, 6);
@@ -121,6 +135,9 @@ namespace {
 struct Options {
   LocalizeArguments args;
   std::string init;
+  std::string near;
+  std::string heading;
+  std::string zone;
   std::string ref;
   bool global = false;
   std::string out;
@@ -144,7 +161,31 @@ void tellAmclNames(Options& o) {
   if (!names.unknown.empty()) {
     std::printf("not parameters of AMCL: %s\n", joined(names.unknown).c_str());
   }
-  if (o.init.empty() && !o.global && names.T_map_base_init) o.args.init = names.T_map_base_init;
+  const bool hinted = !o.near.empty() || !o.heading.empty() || !o.zone.empty();
+  if (o.init.empty() && !o.global && !hinted && names.T_map_base_init)
+    o.args.init = names.T_map_base_init;
+}
+
+pipeline::StartHints hintsFrom(const Options& o) {
+  pipeline::StartHints hints;
+  if (!o.near.empty()) {
+    const auto v = parseNumbers("--near", o.near, 3, "x_m,y_m,sigma_m, e.g. 12,3.5,2");
+    if (!(v[2] > 0.0)) throw ConfigError("--near " + o.near + ": sigma_m must be > 0");
+    hints.near = pipeline::StartHints::Near{{v[0], v[1]}, v[2]};
+  }
+  if (!o.heading.empty()) {
+    const auto v = parseNumbers("--heading", o.heading, 2, "yaw_deg,sigma_deg, e.g. 90,15");
+    if (!(v[1] > 0.0)) throw ConfigError("--heading " + o.heading + ": sigma_deg must be > 0");
+    hints.heading = pipeline::StartHints::Heading{wrapToPi(degToRad(v[0])), degToRad(v[1])};
+  }
+  if (!o.zone.empty()) {
+    const auto v = parseNumbers("--zone", o.zone, 4, "x0_m,y0_m,x1_m,y1_m, e.g. 0,0,12.5,8");
+    if (!(v[0] < v[2] && v[1] < v[3])) {
+      throw ConfigError("--zone " + o.zone + ": x0_m < x1_m and y0_m < y1_m");
+    }
+    hints.zone = pipeline::StartHints::Zone{{v[0], v[1]}, {v[2], v[3]}};
+  }
+  return hints;
 }
 
 /// No scan moved the given pose, or was searched with.
@@ -166,6 +207,18 @@ void addLocalize(CLI::App& app, int& exit_code) {
       "--init", o->init, "start pose x_m,y_m,yaw_rad in the map; without it: --global");
   command->add_flag("--global", o->global, "search the whole map for the start pose")
       ->excludes(init);
+  command
+      ->add_option(
+          "--near", o->near, "x_m,y_m,sigma_m: about there (last seen, a fix); with --global")
+      ->excludes(init);
+  command
+      ->add_option(
+          "--heading",
+          o->heading,
+          "yaw_deg,sigma_deg in the map, counter-clockwise from x (a compass); with --global")
+      ->excludes(init);
+  command->add_option("--zone", o->zone, "x0_m,y0_m,x1_m,y1_m: in this rectangle; with --global")
+      ->excludes(init);
   command->add_option("--config", o->args.config, "YAML as config/default.yaml");
   command->add_option(
       "--amcl-params",
@@ -176,6 +229,7 @@ void addLocalize(CLI::App& app, int& exit_code) {
   command->add_option("--out", o->out, "output folder")->required();
   command->callback([o, &exit_code] {
     if (!o->init.empty()) o->args.init = parsePose(o->init);
+    o->args.hints = hintsFrom(*o);
     if (!o->ref.empty()) {
       const auto reference = readPlanarTum(o->ref);
       o->args.reference = [reference](const metrics::Trajectory&) { return reference; };

@@ -90,19 +90,25 @@ std::vector<std::pair<Timestamp, Pose2>> asReference(const metrics::Trajectory& 
   return reference;
 }
 
-Pose2 parsePose(const std::string& text) {
+std::vector<double> parseNumbers(
+    const std::string& option, const std::string& text, std::size_t count, const char* form) {
+  std::vector<double> values;
   const char* at = text.c_str();
-  double values[3] = {};
-  for (int i = 0; i < 3; ++i) {
+  for (std::size_t i = 0; i < count; ++i) {
     char* end = nullptr;
-    values[i] = std::strtod(at, &end);
-    const bool separated = i == 2 ? *end == '\0' : *end == ',';
-    if (end == at || !separated || !std::isfinite(values[i])) {
-      throw ConfigError("--init " + text + ": must be x_m,y_m,yaw_rad, e.g. 1.5,-2,0.78");
+    values.push_back(std::strtod(at, &end));
+    const bool separated = i + 1 == count ? *end == '\0' : *end == ',';
+    if (end == at || !separated || !std::isfinite(values.back())) {
+      throw ConfigError(option + " " + text + ": must be " + form);
     }
     at = end + 1;
   }
-  return {values[0], values[1], wrapToPi(values[2])};
+  return values;
+}
+
+Pose2 parsePose(const std::string& text) {
+  const auto v = parseNumbers("--init", text, 3, "x_m,y_m,yaw_rad, e.g. 1.5,-2,0.78");
+  return {v[0], v[1], wrapToPi(v[2])};
 }
 
 gui_headless::Figure figureAtMost(

@@ -77,6 +77,10 @@ class RunOutput {
 [[nodiscard]] std::vector<std::pair<Timestamp, Pose2>> asReference(
     const metrics::Trajectory& poses);
 
+/// `count` finite numbers of the command line, separated by commas. Throws ConfigError that names
+/// the option and the form for anything else.
+[[nodiscard]] std::vector<double> parseNumbers(
+    const std::string& option, const std::string& text, std::size_t count, const char* form);
 /// "x,y,yaw_rad" of the command line. Throws ConfigError for anything else.
 [[nodiscard]] Pose2 parsePose(const std::string& text);
 

@@ -23,6 +23,7 @@ struct LocalizeArguments {
   std::string config;
   std::string amcl_params;    ///< parameter file of nav2_amcl or amcl
   std::optional<Pose2> init;  ///< empty = global
+  pipeline::StartHints hints;
   /// Reference poses for this trajectory; may be empty.
   std::function<metrics::Trajectory(const metrics::Trajectory&)> reference;
   double rmse_bar_m = 0.0;  ///< shown in the report when > 0

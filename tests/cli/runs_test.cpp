@@ -3,9 +3,11 @@
 
 #include <cmath>
 #include <filesystem>
+#include <sstream>
 
 #include "cli_fixture.hpp"
 #include "room_log.hpp"
+#include "vestibule/core/angles.hpp"
 #include "vestibule/core/params.hpp"
 #include "vestibule/io/trajectory.hpp"
 #include "vestibule/pipeline/config.hpp"
@@ -199,6 +201,117 @@ TEST_F(Room, MapKeepsThePosesOfTheLog) {
     EXPECT_EQ(poses[i].stamp, drive_.stamps[i]) << "line " << i + 1;
     EXPECT_LT(distance(toPose2(poses[i].T), drive_.poses[i]), 1e-5) << "line " << i + 1;
   }
+}
+
+/// FLASER lines of 181 beams with their odometry east of where it was.
+std::string odometryMoved(const std::string& lines, double east_m) {
+  std::istringstream in(lines);
+  std::string moved;
+  for (std::string line; std::getline(in, line);) {
+    std::istringstream words(line);
+    int column = 0;
+    for (std::string word; words >> word; ++column) {
+      const bool is_x = column == 2 + 181 || column == 2 + 181 + 3;
+      moved += (column == 0 ? "" : " ") + (is_x ? std::to_string(std::stod(word) + east_m) : word);
+    }
+    moved += '\n';
+  }
+  return moved;
+}
+
+/// A robot that drives 2 m along an empty room of 8 x 5 m: seen from within, the room looks the
+/// same turned by half a turn about its centre.
+class EmptyRoom : public Runs {
+ protected:
+  static constexpr double kWidth_m = 8.0;
+  static constexpr double kHeight_m = 5.0;
+  static constexpr double kY_m = 1.5;
+
+  void SetUp() override {
+    std::string pixels;
+    for (int row = 0; row < 100; ++row) {
+      for (int column = 0; column < 160; ++column) {
+        const bool wall = row < 1 || row > 98 || column < 1 || column > 158;
+        pixels += wall ? '\0' : '\xfe';
+      }
+    }
+    file("room.pgm", "P5\n160 100\n255\n" + pixels);
+    file("room.yaml", "image: room.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n");
+    std::string log;
+    for (int i = 0; i <= 20; ++i) {
+      const double x = 1.5 + 0.1 * i;
+      log += "FLASER 181";
+      for (int beam = 0; beam < 181; ++beam) {
+        const double angle = degToRad(beam - 90.0);
+        const double to_end = (kWidth_m - 0.05 - x) / std::max(std::cos(angle), 1e-9);
+        const double to_side = (angle > 0.0 ? kHeight_m - 0.05 - kY_m : kY_m - 0.05) /
+                               std::max(std::abs(std::sin(angle)), 1e-9);
+        log += ' ' + std::to_string(std::min(to_end, to_side));
+      }
+      const std::string pose = ' ' + std::to_string(0.1 * i) + " 0 0";
+      const std::string stamp = std::to_string(100.0 + 0.2 * i);
+      log += pose + pose + ' ' + stamp + " host " + stamp + '\n';
+    }
+    file("drive.log", log);
+  }
+  [[nodiscard]] json summaryWith(std::vector<std::string> arguments) const {
+    arguments.insert(
+        arguments.begin(),
+        {"localize",
+         path("drive.log"),
+         "--map",
+         path("room.yaml"),
+         "--global",
+         "--out",
+         path("g")});
+    const CommandResult result = run(arguments);
+    EXPECT_LE(result.exit_code, 1) << result.err;
+    return json::parse(readFile(path("g/summary.json")));
+  }
+};
+
+TEST_F(EmptyRoom, WhatIsKnownOfTheStartDecidesWhichWayItIs) {
+  EXPECT_EQ(summaryWith({})["final_state"], "unsure");  // it looks the same both ways
+  for (const std::vector<std::string>& there :
+       {std::vector<std::string>{"--near", "1.5,1.5,0.5"},
+        std::vector<std::string>{"--heading", "10,15"},
+        std::vector<std::string>{"--zone", "0,0,3,2.5"}}) {
+    const json s = summaryWith(there);
+    EXPECT_EQ(s["final_state"], "sure") << there[0];
+    EXPECT_NEAR(s["final_pose"][0].get<double>(), 3.5, 0.1) << there[0];
+    EXPECT_NEAR(s["final_pose"][2].get<double>(), 0.0, 0.05) << there[0];
+  }
+  // The other way round, as told.
+  EXPECT_NEAR(summaryWith({"--heading", "170,15"})["final_pose"][0].get<double>(), 4.5, 0.1);
+}
+
+TEST_F(Room, AStartOutsideOfTheMapIsToldAndALeapOfTheOdometryLeftOut) {
+  const std::string log = drive_.carmenLog(false);
+  // From half way on the odometry counts from elsewhere.
+  const std::size_t half = log.find("FLASER", log.size() / 2);
+  file("away.log", log.substr(0, half) + odometryMoved(log.substr(half), 5000.0));
+  const Pose2& start = drive_.poses.front();
+  const std::string init =
+      std::to_string(start.x) + "," + std::to_string(start.y) + "," + std::to_string(start.phi);
+  ASSERT_NO_FATAL_FAILURE(runInto(
+      "leap", {"localize", path("away.log"), "--map", path("map/map.yaml"), "--init", init}));
+  EXPECT_THAT(readFile(path("leap/events.jsonl")), HasSubstr("leaps farther than any robot"));
+  EXPECT_GT(json::parse(readFile(path("leap/summary.json")))["trusted_share"].get<double>(), 0.95);
+
+  ASSERT_NO_FATAL_FAILURE(runInto(
+      "out", {"localize", path("raw.log"), "--map", path("map/map.yaml"), "--init", "-40,3,0"}));
+  EXPECT_THAT(readFile(path("out/events.jsonl")), HasSubstr("start pose is outside of the map"));
+  const CommandResult far = run(
+      {"localize",
+       path("raw.log"),
+       "--map",
+       path("map/map.yaml"),
+       "--init",
+       "1e15,3,0",
+       "--out",
+       path("far")});
+  EXPECT_EQ(far.exit_code, 2);
+  EXPECT_THAT(far.err, HasSubstr("m outside of the map"));
 }
 
 TEST_F(Room, ALostRobotFailsItsPurpose) {

@@ -93,9 +93,11 @@ struct Localizer::Impl {
     fits = 0;
   }
 
-  void startLooking(const std::optional<grid::PosePrior>& prior) {
+  void startLooking(
+      const std::optional<grid::PosePrior>& prior,
+      const std::optional<grid::SearchWindow>& zone = {}) {
     searches_before += global.searches();
-    global.start(prior);
+    global.start(prior, zone);
     looking = true;
     looks = 0;
     fits = 0;
@@ -303,11 +305,12 @@ void Localizer::startAt(const PoseWithCovariance& T_map_base) {
   impl_->startTracking();
 }
 
-void Localizer::startAnywhere(const std::optional<grid::PosePrior>& prior) {
+void Localizer::startAnywhere(
+    const std::optional<grid::PosePrior>& prior, const std::optional<grid::SearchWindow>& zone) {
   impl_->T_map_fitting.reset();
   impl_->tracking = false;
   impl_->misfits = 0;
-  impl_->startLooking(prior);
+  impl_->startLooking(prior, zone);
   impl_->searching = true;
 }
 

@@ -13,6 +13,9 @@ namespace {
 // What a person who types or clicks a start pose is good for.
 constexpr double kInitSigma_m = 0.25;
 constexpr double kInitSigma_rad = degToRad(8.0);
+// What a hint can cost a place, twice its log odds: enough to be believed between places that fit
+// alike (8), and no more than other scans can outvote.
+constexpr double kHintMaxD2 = 20.0;
 
 /// Wheels alone, or once there is a gyro in the recording the odometry filter, whose turns are the
 /// gyro's: the wheels of a skid-steer robot do not know how far it turned.
@@ -46,6 +49,81 @@ class GyroOdometry {
   bool has_gyro_ = false;
 };
 
+// Farther than this in one step, and faster, goes no ground robot: its odometry began anew.
+constexpr double kLeap_m = 3.0;
+constexpr double kFastest_mps = 20.0;
+// Beyond this a start pose is a mistake, and single precision ends.
+constexpr double kFarFromMap_m = 1e5;
+
+/// Tells steps of the odometry that no robot makes, as when it is set to zero on the way. They are
+/// left out: the robot stays where the map has it.
+class LeapGuard {
+ public:
+  explicit LeapGuard(const Observers& observers) : observers_(observers) {}
+
+  [[nodiscard]] bool passes(const WheelOdometry& odometry) {
+    const double since_s = began_ ? std::abs(toSeconds(odometry.stamp - last_)) : 0.0;
+    last_ = odometry.stamp;
+    began_ = true;
+    const double limit_m = kLeap_m + kFastest_mps * since_s;
+    const double step_m = translationNorm(odometry.T_previous_now);
+    if (!(step_m > limit_m)) return true;
+    observers_.emit(WarningEvent{
+        odometry.stamp, "odometry", "leaps farther than any robot: left out", step_m, limit_m});
+    return false;
+  }
+
+ private:
+  const Observers& observers_;
+  Timestamp last_;
+  bool began_ = false;
+};
+
+/// From the map's rectangle; 0 inside.
+double distanceFrom(const grid::OccupancyMap& map, const Pose2& T_map_base) {
+  const Point2 p = transform(inverse(map.T_map_grid()), Point2{T_map_base.x, T_map_base.y});
+  const auto beyond = [&](double at, double corner, int cells) {
+    const double along = at - corner;
+    return std::max({0.0, -along, along - cells * map.resolution()});
+  };
+  return std::hypot(
+      beyond(p.x, map.corner().x, map.width()), beyond(p.y, map.corner().y, map.height()));
+}
+
+std::optional<grid::PosePrior> priorFrom(const StartHints& hints) {
+  if (!hints.near && !hints.heading) return std::nullopt;
+  grid::PosePrior prior;
+  prior.max_d2 = kHintMaxD2;
+  if (hints.near) {
+    prior.T_map_base.x = hints.near->p_map.x;
+    prior.T_map_base.y = hints.near->p_map.y;
+    const double information = 1.0 / (hints.near->sigma_m * hints.near->sigma_m);
+    prior.information(0, 0) = information;
+    prior.information(1, 1) = information;
+  }
+  if (hints.heading) {
+    prior.T_map_base.phi = hints.heading->yaw_rad;
+    prior.information(2, 2) = 1.0 / (hints.heading->sigma_rad * hints.heading->sigma_rad);
+  }
+  return prior;
+}
+
+/// The zone along the axes of the map's cells, or what covers it where these are turned.
+std::optional<grid::SearchWindow> windowFrom(
+    const StartHints& hints, const grid::OccupancyMap& map) {
+  if (!hints.zone) return std::nullopt;
+  const Point2& low = hints.zone->low;
+  const Point2& high = hints.zone->high;
+  const double half_x = 0.5 * (high.x - low.x);
+  const double half_y = 0.5 * (high.y - low.y);
+  const double c = std::abs(std::cos(map.T_map_grid().phi));
+  const double s = std::abs(std::sin(map.T_map_grid().phi));
+  return grid::SearchWindow{
+      {0.5 * (low.x + high.x), 0.5 * (low.y + high.y), 0.0},
+      c * half_x + s * half_y,
+      s * half_x + c * half_y};
+}
+
 }  // namespace
 
 LocalizeResult localize(
@@ -55,9 +133,11 @@ LocalizeResult localize(
     const std::optional<Pose2>& T_map_base_init,
     const Config& config,
     const Observers& observers,
-    const Progress& progress) {
+    const Progress& progress,
+    const StartHints& hints) {
   const auto reader = io::openRecording(recording_path, recording_options);
   amcl::Localizer localizer(config.amcl, map, config.seed, &observers);
+  double outside_m = 0.0;  // of the map, the start pose
   if (T_map_base_init) {
     const Eigen::Matrix3d cov = Eigen::Vector3d(
                                     kInitSigma_m * kInitSigma_m,
@@ -65,8 +145,12 @@ LocalizeResult localize(
                                     kInitSigma_rad * kInitSigma_rad)
                                     .asDiagonal();
     localizer.startAt({*T_map_base_init, cov});
+    outside_m = distanceFrom(*map, *T_map_base_init);
+    if (!(outside_m <= kFarFromMap_m)) {
+      throw ConfigError("the start pose is " + std::to_string(outside_m) + " m outside of the map");
+    }
   } else {
-    localizer.startAnywhere();
+    localizer.startAnywhere(priorFrom(hints), windowFrom(hints, *map));
   }
 
   LocalizeResult result;
@@ -79,15 +163,21 @@ LocalizeResult localize(
   std::optional<Timestamp> first;
   std::optional<Timestamp> last;
   GyroOdometry odometry_source(config.ekf);
+  LeapGuard leaps(observers);
   while (const auto record = reader->next()) {
     if (const auto* wheels = std::get_if<WheelOdometry>(&record->measurement)) {
+      ++odometry_count;
+      if (!leaps.passes(*wheels)) continue;
       const WheelOdometry odometry = odometry_source.process(*wheels);
       localizer.process(odometry, odometry_source.yawSource());
       odometry_m += translationNorm(odometry.T_previous_now);
-      ++odometry_count;
     } else if (const auto* imu = std::get_if<Imu>(&record->measurement)) {
       odometry_source.process(*imu);
     } else if (const auto* scan = std::get_if<LaserScan>(&record->measurement)) {
+      if (!first && outside_m > 0.0) {
+        observers.emit(WarningEvent{
+            scan->stamp, "amcl", "the start pose is outside of the map", outside_m, 0.0});
+      }
       const amcl::ScanReport report = localizer.process(*scan);
       const Pose2 T_map_base = report.T_map_base.mean;  // at the scan's stamp
       if (!result.trajectory.empty()) {

@@ -29,7 +29,10 @@ class Localizer {
 
   void startAt(const PoseWithCovariance& T_map_base);
   /// \param prior what is known all the same (GNSS, compass, last pose)
-  void startAnywhere(const std::optional<grid::PosePrior>& prior = {});
+  /// \param zone where the robot is; empty = anywhere in the map
+  void startAnywhere(
+      const std::optional<grid::PosePrior>& prior = {},
+      const std::optional<grid::SearchWindow>& zone = {});
 
   void process(const WheelOdometry& odometry, YawSource yaw_source = YawSource::kWheels);
   /// \pre started. While searching the report is not trusted and has the pose and the shares of the

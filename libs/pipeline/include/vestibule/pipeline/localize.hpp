@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "vestibule/core/events.hpp"
+#include "vestibule/core/frames.hpp"
 #include "vestibule/grid/occupancy_map.hpp"
 #include "vestibule/io/recording.hpp"
 #include "vestibule/metrics/trajectory.hpp"
@@ -41,8 +42,31 @@ struct LocalizeResult {
   std::vector<std::string> notes;
 };
 
+/// What is known of the start all the same when the pose is not.
+struct StartHints {
+  /// Near a point, of sigma_m: where it was last seen, or a fix.
+  struct Near {
+    Point2 p_map;
+    double sigma_m = 1.0;
+  };
+  /// A compass, counter-clockwise from the map's x axis.
+  struct Heading {
+    double yaw_rad = 0.0;
+    double sigma_rad = 0.1;
+  };
+  /// A rectangle in map axes that it is in.
+  struct Zone {
+    Point2 low;
+    Point2 high;
+  };
+  std::optional<Near> near;
+  std::optional<Heading> heading;
+  std::optional<Zone> zone;
+};
+
 /// Particle localization of a recording in a prior map.
 /// \param T_map_base_init empty = global localization
+/// \param hints for global localization
 /// Throws InputError for a recording without laser scans or without odometry.
 [[nodiscard]] LocalizeResult localize(
     const std::string& recording_path,
@@ -51,6 +75,7 @@ struct LocalizeResult {
     const std::optional<Pose2>& T_map_base_init,
     const Config& config,
     const Observers& observers,
-    const Progress& progress);
+    const Progress& progress,
+    const StartHints& hints = {});
 
 }  // namespace vestibule::pipeline
