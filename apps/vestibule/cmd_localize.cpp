@@ -19,6 +19,23 @@ pipeline::Config localizeConfig(const LocalizeArguments& args) {
   return config;
 }
 
+namespace {
+
+/// No scan moved the given pose, or was searched with.
+bool sawNothing(const pipeline::LocalizeResult& result) {
+  return result.scans_used == 0 && result.searches == 0;
+}
+
+/// Whether the pose at the end is meant.
+const char* verdictOf(const pipeline::LocalizeResult& result) {
+  return result.trusted_at_end            ? "trusted"
+         : sawNothing(result)             ? "NOT KNOWN: no scan could be used, see the events"
+         : result.final_state == "unsure" ? "NOT SURE: it may also be elsewhere, see final_places"
+                                          : "LOST: the scans do not fit the map there";
+}
+
+}  // namespace
+
 gui_headless::ReportSection runLocalize(
     const LocalizeArguments& args, RunOutput& output, pipeline::LocalizeResult& result) {
   std::vector<std::string> notes;
@@ -102,6 +119,16 @@ gui_headless::ReportSection runLocalize(
   auto section = gui_headless::sectionFromRun(output.recorder(), scene, args.title);
   section.figures = {
       figure(
+          "ends at x, y, yaw",
+          fixed(end.x, 2) + " m, " + fixed(end.y, 2) + " m, " + fixed(radToDeg(end.phi), 1) +
+              " deg"),
+      figure("that pose is", verdictOf(result))};
+  if (!args.init && result.found_at) {
+    section.figures.push_back(
+        figure("start unknown: place found after", fixed(result.found_after_m, 1), "m"));
+  }
+  const std::vector<gui_headless::Figure> shares{
+      figure(
           "probability of being lost, mean", fixed(100.0 * result.mean_lost_probability, 1), "%"),
       figure("scans", std::to_string(result.trajectory.size())),
       figure("distance", fixed(result.distance_m, 1), "m"),
@@ -111,6 +138,7 @@ gui_headless::ReportSection runLocalize(
       figure("beams on mapped obstacles, mean", fixed(100.0 * result.mean_inlier_share, 1), "%"),
       figure("scans with a trusted pose", fixed(100.0 * result.trusted_share, 1), "%"),
       figure("searches because the scans did not fit", std::to_string(result.recoveries))};
+  section.figures.insert(section.figures.end(), shares.begin(), shares.end());
   if (!reference.empty()) {
     const auto errors = metrics::absoluteErrors(
         metrics::associate(result.trajectory, reference), metrics::Alignment::kNone);
@@ -188,11 +216,6 @@ pipeline::StartHints hintsFrom(const Options& o) {
   return hints;
 }
 
-/// No scan moved the given pose, or was searched with.
-bool sawNothing(const pipeline::LocalizeResult& result) {
-  return result.scans_used == 0 && result.searches == 0;
-}
-
 }  // namespace
 
 void addLocalize(CLI::App& app, int& exit_code) {
@@ -260,10 +283,7 @@ void addLocalize(CLI::App& app, int& exit_code) {
         end.x,
         end.y,
         radToDeg(end.phi),
-        result.trusted_at_end            ? "trusted"
-        : sawNothing(result)             ? "NOT KNOWN: no scan could be used, see the events"
-        : result.final_state == "unsure" ? "NOT SURE: it may also be elsewhere, see final_places"
-                                         : "LOST: the scans do not fit the map there",
+        verdictOf(result),
         output.pathOf("report.html").c_str());
     exit_code = result.trusted_at_end ? kDone : kFailedPurpose;
   });

@@ -67,8 +67,12 @@ void drawPanel(
   canvas.strokeRect(area, palette::kLine, 1.0);
   canvas.text(fixed(since_s, 1) + " s", {x, y + kPanel + 16.0}, {13.0, palette::kInk, true, false});
   canvas.text(
-      std::to_string(snapshot.count) + " particles, spread " + fixed(snapshot.spread_m, 2) +
-          " m, lost " + fixed(100.0 * snapshot.lost_probability, 0) + " %",
+      std::to_string(snapshot.count) + " particles",
+      {x + kPanel, y + kPanel + 16.0},
+      {11.5, palette::kMuted, false, false, Canvas::Align::kRight});
+  canvas.text(
+      "spread " + fixed(snapshot.spread_m, 2) + " m, lost with " +
+          fixed(100.0 * snapshot.lost_probability, 0) + " %",
       {x, y + kPanel + 32.0},
       {11.5, palette::kMuted, false, false});
 }

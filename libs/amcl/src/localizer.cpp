@@ -348,7 +348,7 @@ ScanReport Localizer::process(const LaserScan& scan) {
     PoseEvent event;
     event.stamp = scan.stamp;
     event.source = PoseSource::kParticles;
-    event.mode = s.searching ? Mode::kLost : Mode::kIndoor;
+    event.mode = s.searching || !report.trusted ? Mode::kLost : Mode::kIndoor;
     event.T = report.T_map_base;
     s.observers->emit(event);
   }

@@ -18,7 +18,7 @@ namespace vestibule::amcl {
 class Localizer {
  public:
   /// \param observers may be null; receives what ParticleLocalizer emits, a PoseEvent per scan,
-  ///   which is lost while a search runs, a PlacesEvent per scan that counts in a search, and a
+  ///   which is lost while it is not trusted, a PlacesEvent per scan that counts in a search, and a
   ///   WarningEvent when a search begins
   Localizer(
       const AmclParams& params,
