@@ -65,6 +65,7 @@ double RayCaster::range(const Point2& p_map, double yaw_rad, double max_range_m)
   const double yaw = yaw_rad + T_cells_map_.phi;
   const Point2 start{p.x / resolution_m_, p.y / resolution_m_};
   const Point2 direction{std::cos(yaw), std::sin(yaw)};
+  if (!std::isfinite(start.x + start.y + yaw)) return max_range_m;
   // Nothing is mapped beyond the map: no walk there, however far it is.
   Span over_map;
   over_map.cut(start.x, direction.x, width_);

@@ -147,7 +147,9 @@ LocalizeResult localize(
     localizer.startAt({*T_map_base_init, cov});
     outside_m = distanceFrom(*map, *T_map_base_init);
     if (!(outside_m <= kFarFromMap_m)) {
-      throw ConfigError("the start pose is " + std::to_string(outside_m) + " m outside of the map");
+      throw ConfigError(
+          "the start pose is " + std::to_string(outside_m) +
+          " m outside of the map; give it in the map's frame");
     }
   } else {
     localizer.startAnywhere(priorFrom(hints), windowFrom(hints, *map));
