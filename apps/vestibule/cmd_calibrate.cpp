@@ -25,6 +25,7 @@ struct Arguments {
   std::string config;
   std::string csv_mapping;
   double track_m = 0.0;
+  bool arm_known = false;
   std::string out;
 };
 
@@ -200,50 +201,33 @@ void calibrateOdometry(const Arguments& args, int& exit_code) {
   finish(args, "odometry", output, std::move(section));
 }
 
-/// How well the innovations are explained by stamps that are late by so much.
+/// How well the measurements fit for stamps that are late by so much.
 void offsetCurve(
-    const pipeline::StampOffset& o, gui_headless::ReportSection& section, Json& summary) {
+    const tuning::OffsetCurve& curve, const Calibration& c, gui_headless::ReportSection& section) {
   gui_headless::LineChart chart;
-  chart.title = "Misfit of the innovations, by how late the stamps of " + o.sensor + " are";
+  chart.title = "Misfit, by \"" + curve.of + "\"";
   chart.x_label = "late by [s]";
-  chart.y_label = "-2 log likelihood above its least";
-  chart.series.push_back({"misfit", gui_headless::SeriesLook::kEstimate, o.misfits});
-  if (o.found) chart.markers.push_back({o.offset_s, "found"});
+  chart.y_label = curve.misfit;
+  chart.series.push_back({"misfit", gui_headless::SeriesLook::kEstimate, curve.points});
+  const Quantity* q = c.find(curve.of);
+  if (q != nullptr && q->unobserved.empty()) chart.markers.push_back({q->value, "found"});
   section.charts.push_back(gui_headless::lineChart(chart));
-  for (const auto& [offset_s, misfit] : o.misfits) {
-    if (offset_s != 0.0) continue;
-    section.figures.push_back(figure(
-        "-2 log likelihood of the innovations with the stamps of " + o.sensor +
-            " as recorded, above its least",
-        fixed(misfit, 1)));
-    summary["residuals"][o.sensor]["as_recorded_above_least"] = rounded(misfit, 3);
-    break;  // finer searches may have come by again
-  }
 }
 
 void calibrateOffsets(const Arguments& args, int& exit_code) {
   const pipeline::Config config = pipeline::loadConfig(args.config);
   RunOutput output(args.out, "calibrate offsets", config);
   ProgressBar bar("calibrate offsets");
-  const auto offsets =
-      pipeline::estimateOffsets(args.log, recordingOptions(args, config), config, bar.callback());
+  const tuning::OffsetsCalibration c = tuning::calibrateOffsets(
+      args.log, recordingOptions(args, config), config, args.arm_known, bar.callback());
   output.timing(bar.wallSeconds(), 0.0);
   output.summary()["input"] = args.log;
-  Calibration c;
-  for (const pipeline::StampOffset& o : offsets) {
-    Quantity q{o.sensor + " stamps late by", "s", 0.0, o.offset_s, o.sigma_s, ""};
-    constexpr double kSigma_s = 0.1;
-    if (!o.found || o.sigma_s > kSigma_s) {
-      q.unobserved =
-          "drive curves and change speed: at constant speed a delay looks like an offset";
-    }
-    c.quantities.push_back(q);
-  }
+  output.summary()["arm_known"] = args.arm_known;
   gui_headless::ReportSection section;
   section.title = "Stamps of each sensor against those of the others";
   exit_code = kDone;
   report(c, output, section, exit_code);
-  for (const pipeline::StampOffset& o : offsets) offsetCurve(o, section, output.summary());
+  for (const tuning::OffsetCurve& curve : c.curves) offsetCurve(curve, c, section);
   finish(args, "offsets", output, std::move(section));
 }
 
@@ -369,8 +353,11 @@ void addCalibrate(CLI::App& app, int& exit_code) {
       ->required()
       ->check(CLI::Range(0.01, 10.0));
   odometry->callback([args, &exit_code] { calibrateOdometry(*args, exit_code); });
-  addKind(*command, "offsets", "how late the stamps of each sensor are", *args)
-      ->callback([args, &exit_code] { calibrateOffsets(*args, exit_code); });
+  CLI::App* offsets =
+      addKind(*command, "offsets", "how late the stamps of each sensor are", *args);
+  offsets->add_flag(
+      "--arm-known", args->arm_known, "rig.antenna of the configuration is measured: keep it");
+  offsets->callback([args, &exit_code] { calibrateOffsets(*args, exit_code); });
   CLI::App* compass = addKind(*command, "compass", "deviation over the heading", *args);
   compass->add_option("--ref", args->ref, "reference trajectory (TUM)");
   compass->callback([args, &exit_code] { calibrateCompass(*args, exit_code); });

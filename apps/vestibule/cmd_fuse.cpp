@@ -345,7 +345,7 @@ void addFuse(CLI::App& app, int& exit_code) {
       ProgressBar bar("offsets");
       report(
           pipeline::estimateOffsets(
-              o->args.log, recordingOptions(o->args, config), config, bar.callback()),
+              o->args.log, recordingOptions(o->args, config), config, {}, bar.callback()),
           output,
           section);
     }

@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 #include "fuse_words.hpp"
@@ -363,29 +364,96 @@ std::vector<Outage> hiddenOutages(
 
 namespace {
 
-/// Minus twice the logarithm of the likelihood of the innovations, outliers counted as if they lay
-/// on the gate.
-double misfit(
+bool isOf(const Measurement& m, const std::string& sensor) {
+  return sensor == "gnss"      ? std::holds_alternative<GnssFix>(m)
+         : sensor == "heading" ? std::holds_alternative<Heading>(m)
+                               : std::holds_alternative<WheelOdometry>(m);
+}
+
+/// Innovations of one such stretch may depend on each other in any way.
+constexpr double kStretch_s = 20.0;
+
+/// Minus twice the logarithm of the likelihood of the innovations of every stretch, outliers
+/// counted as if they lay on the gate.
+Eigen::VectorXd misfits(
     const Log& log,
     const Config& config,
     const std::optional<geo::TangentPlane>& plane,
     const std::string& sensor,
     double offset_s) {
-  const std::vector<Measurement> shifted = earlier(log.measurements, offset_s, [&](const auto& m) {
-    return sensor == "gnss"      ? std::holds_alternative<GnssFix>(m)
-           : sensor == "heading" ? std::holds_alternative<Heading>(m)
-                                 : std::holds_alternative<WheelOdometry>(m);
-  });
+  const std::vector<Measurement> shifted = earlier(
+      log.measurements, offset_s, [&](const Measurement& m) { return isOf(m, sensor); });
   ekf::MapFilter filter(config.ekf, config.rig);
-  double sum = 0.0;
-  std::size_t count = 0;
+  Eigen::VectorXd sums = Eigen::VectorXd::Zero(
+      1 + static_cast<Eigen::Index>(toSeconds(log.last - log.first) / kStretch_s));
   for (const Measurement& m : shifted) {
     const ekf::UpdateReport report = feed(filter, m, plane);
     if (report.dof == 0) continue;
-    sum += std::min(report.nis, report.gate) + report.log_det;
-    ++count;
+    const double at_s = std::max(0.0, toSeconds(stampOf(m) - log.first));
+    const auto stretch = static_cast<Eigen::Index>(at_s / kStretch_s);
+    sums[std::min(stretch, sums.size() - 1)] += std::min(report.nis, report.gate) + report.log_det;
   }
-  return count == 0 ? 0.0 : sum;
+  return sums;
+}
+
+/// Of the least of a parabola through three misfits: by its curvature, or by the scatter of the
+/// stretches' slopes where that is more.
+double sigmaOfLeast(
+    const Eigen::VectorXd& left,
+    const Eigen::VectorXd& right,
+    double curvature,
+    double step_s) {
+  const Eigen::ArrayXd slopes = (right - left).array() / (2.0 * step_s);
+  const double n = static_cast<double>(slopes.size());
+  const double scatter = n / (n - 1.0) * (slopes - slopes.mean()).square().sum();
+  return std::sqrt(std::max(2.0 / curvature, scatter / (curvature * curvature)));
+}
+
+StampOffset offsetOf(
+    const std::string& sensor,
+    const Log& log,
+    const Config& config,
+    const std::function<void(double)>& progress) {
+  constexpr double kReach_s = 1.5;
+  const auto plane = planeAt(datumOf(log, config.datum));
+  StampOffset best{sensor, 0.0, 0.0, false, {}};
+  double step_s = 0.25;
+  double centre_s = 0.0;
+  double reach_s = kReach_s;
+  // Coarse to fine: the neighbours of the best are searched again with a fifth of the step.
+  for (int level = 0; level < 3; ++level) {
+    double lowest = std::numeric_limits<double>::infinity();
+    double at_s = centre_s;
+    for (double d = -reach_s; d <= reach_s + 1e-9; d += step_s) {
+      const double value = misfits(log, config, plane, sensor, centre_s + d).sum();
+      best.misfits.emplace_back(centre_s + d, value);
+      if (value < lowest) {
+        lowest = value;
+        at_s = centre_s + d;
+      }
+    }
+    const Eigen::VectorXd left = misfits(log, config, plane, sensor, at_s - step_s);
+    const Eigen::VectorXd right = misfits(log, config, plane, sensor, at_s + step_s);
+    const double bend = left.sum() - 2.0 * lowest + right.sum();
+    centre_s = at_s;
+    best.offset_s = at_s;
+    best.found = bend > 0.0 && std::abs(at_s) < kReach_s;
+    if (bend > 0.0) {
+      best.offset_s = at_s - 0.5 * step_s * (right.sum() - left.sum()) / bend;
+      best.sigma_s = sigmaOfLeast(left, right, bend / (step_s * step_s), step_s);
+    }
+    reach_s = step_s;
+    step_s /= 5.0;
+    progress((level + 1) / 3.0);
+  }
+  std::sort(best.misfits.begin(), best.misfits.end());
+  const auto least = std::min_element(
+      best.misfits.begin(), best.misfits.end(), [](const auto& a, const auto& b) {
+        return a.second < b.second;
+      });
+  const double least_value = least->second;
+  for (auto& [offset_s, value] : best.misfits) value -= least_value;
+  return best;
 }
 
 }  // namespace
@@ -394,59 +462,27 @@ std::vector<StampOffset> estimateOffsets(
     const std::string& recording_path,
     const io::RecordingOptions& recording_options,
     const Config& config,
+    const std::map<std::string, double>& known_s,
     const Progress& progress) {
-  constexpr double kReach_s = 1.5;
-  const Log log = readLog(recording_path, recording_options, [](double, double) {});
-  const auto plane = planeAt(datumOf(log, config.datum));
+  Log log = readLog(recording_path, recording_options, [](double, double) {});
+  for (const auto& [sensor, late_s] : known_s) {
+    log.measurements = earlier(
+        std::move(log.measurements), late_s, [&of = sensor](const Measurement& m) {
+          return isOf(m, of);
+        });
+  }
   std::vector<StampOffset> result;
   const std::vector<std::string> sensors{"gnss", "heading", "wheels"};
   for (std::size_t s = 0; s < sensors.size(); ++s) {
-    const bool present =
-        std::any_of(log.measurements.begin(), log.measurements.end(), [&](const Measurement& m) {
-          return sensors[s] == "gnss"      ? std::holds_alternative<GnssFix>(m)
-                 : sensors[s] == "heading" ? std::holds_alternative<Heading>(m)
-                                           : std::holds_alternative<WheelOdometry>(m);
-        });
-    if (!present) continue;
-    StampOffset best{sensors[s], 0.0, 0.0, false, {}};
-    double step_s = 0.25;
-    double centre_s = 0.0;
-    double reach_s = kReach_s;
-    // Coarse to fine: the neighbours of the best are searched again with a fifth of the step.
-    for (int level = 0; level < 3; ++level) {
-      double lowest = std::numeric_limits<double>::infinity();
-      double at_s = centre_s;
-      for (double d = -reach_s; d <= reach_s + 1e-9; d += step_s) {
-        const double value = misfit(log, config, plane, sensors[s], centre_s + d);
-        best.misfits.emplace_back(centre_s + d, value);
-        if (value < lowest) {
-          lowest = value;
-          at_s = centre_s + d;
-        }
-      }
-      const double left = misfit(log, config, plane, sensors[s], at_s - step_s);
-      const double right = misfit(log, config, plane, sensors[s], at_s + step_s);
-      const double curvature = (left - 2.0 * lowest + right) / (step_s * step_s);
-      centre_s = at_s;
-      best.offset_s = at_s;
-      if (curvature > 0.0) {
-        best.offset_s = at_s - 0.5 * step_s * (right - left) / (left - 2.0 * lowest + right);
-        best.sigma_s = std::sqrt(2.0 / curvature);
-      }
-      best.found = curvature > 0.0 && std::abs(at_s) < kReach_s;
-      reach_s = step_s;
-      step_s /= 5.0;
-      progress(
-          (static_cast<double>(s) + (level + 1) / 3.0) / static_cast<double>(sensors.size()), 0.0);
+    if (known_s.count(sensors[s]) > 0 ||
+        std::none_of(log.measurements.begin(), log.measurements.end(), [&](const Measurement& m) {
+          return isOf(m, sensors[s]);
+        })) {
+      continue;
     }
-    std::sort(best.misfits.begin(), best.misfits.end());
-    const auto least = std::min_element(
-        best.misfits.begin(), best.misfits.end(), [](const auto& a, const auto& b) {
-          return a.second < b.second;
-        });
-    const double least_value = least->second;
-    for (auto& [offset_s, value] : best.misfits) value -= least_value;
-    result.push_back(best);
+    result.push_back(offsetOf(sensors[s], log, config, [&](double share) {
+      progress((static_cast<double>(s) + share) / static_cast<double>(sensors.size()), 0.0);
+    }));
   }
   return result;
 }

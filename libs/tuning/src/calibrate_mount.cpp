@@ -169,7 +169,12 @@ double rms(const std::vector<double>& r) {
 
 }  // namespace
 
-void calibrateAntenna(const FilterLog& log, const pipeline::Config& config, Calibration& result) {
+void calibrateAntenna(
+    const FilterLog& log,
+    const pipeline::Config& config,
+    bool arm_known,
+    Calibration& result,
+    std::vector<std::pair<double, double>>* curve) {
   const Point2 before = config.rig.p_base_antenna;
   const metrics::Trajectory odometry = odometryOf(log, config);
   const std::vector<Stretch> stretches = stretchesOf(log, odometry);
@@ -190,7 +195,13 @@ void calibrateAntenna(const FilterLog& log, const pipeline::Config& config, Cali
           2 * stretches[i].stamps.size(),
           groupAt(toSeconds(stretches[i].stamps.front() - log.first)));
     }
-    fit = robustFit(misfits, start, Eigen::Vector4d(2.0, 2.0, 1.0, 0.2), groups);
+    const double arm_sigma_m = arm_known ? 1e-4 : 2.0;
+    fit = robustFit(misfits, start, Eigen::Vector4d(arm_sigma_m, arm_sigma_m, 1.0, 0.2), groups);
+    for (int i = -25; curve != nullptr && i <= 25; ++i) {
+      Eigen::VectorXd p = fit.parameters;
+      p[kDelay] += 0.02 * i;
+      curve->emplace_back(p[kDelay], rms(misfits(p)) * std::sqrt(2.0));
+    }
     Residuals residuals{"antenna", "m", {}, {}};
     for (const Stretch& stretch : stretches) {
       const double at_s = toSeconds(stretch.stamps.front() - log.first);
@@ -413,7 +424,7 @@ Calibration calibrateMount(
   }
   Calibration result;
   if (sensors.gnss) {
-    calibrateAntenna(makeFilterLog(sensors.measurements), config, result);
+    calibrateAntenna(makeFilterLog(sensors.measurements), config, false, result);
   } else {
     unobservable(result, {kAntennaX, kAntennaY, kGnssLate}, "no GNSS fixes in the recording");
   }

@@ -360,7 +360,7 @@ std::string correctAntenna(
   const bool gnss = std::any_of(measurements.begin(), measurements.end(), [](const auto& m) {
     return std::holds_alternative<GnssFix>(m);
   });
-  if (gnss) calibrateAntenna(makeFilterLog(std::move(measurements)), config, antenna);
+  if (gnss) calibrateAntenna(makeFilterLog(std::move(measurements)), config, false, antenna);
   const auto found = [&antenna](const char* name) {
     const Quantity* q = antenna.find(name);
     return q != nullptr && q->unobserved.empty() ? q : nullptr;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -97,16 +98,19 @@ struct Outage {
 struct StampOffset {
   std::string sensor;     ///< "gnss", "heading", "wheels"
   double offset_s = 0.0;  ///< to be subtracted from its stamps
-  double sigma_s = 0.0;   ///< from the curvature of the likelihood
+  double sigma_s = 0.0;   ///< by curvature and by the scatter of stretches of 20 s, the larger
   bool found = false;     ///< false: no minimum within +-1.5 s
   /// (offset [s], minus twice the log likelihood of the innovations above its least), ascending.
   std::vector<std::pair<double, double>> misfits;
 };
-/// By the likelihood of the innovations, each sensor alone.
+/// By the likelihood of the innovations, each sensor alone: where two are late against the gyro,
+/// each comes out as if it were the only one.
+/// \param known_s  by how much the stamps of a sensor are late: taken off, and not estimated
 [[nodiscard]] std::vector<StampOffset> estimateOffsets(
     const std::string& recording_path,
     const io::RecordingOptions& recording_options,
     const Config& config,
+    const std::map<std::string, double>& known_s,
     const Progress& progress);
 
 }  // namespace vestibule::pipeline

@@ -127,6 +127,28 @@ struct CompassData {
     const metrics::Trajectory& reference,
     const CompassDeviation& known);
 
+/// A misfit over how late the stamps of a sensor are taken to be.
+struct OffsetCurve {
+  std::string of;  ///< name of the quantity
+  std::string misfit;  ///< what it is, with unit
+  std::vector<std::pair<double, double>> points;  ///< (late by [s], misfit)
+};
+
+struct OffsetsCalibration : Calibration {
+  std::vector<OffsetCurve> curves;
+};
+
+/// How late the stamps of each sensor are. The gyro is the clock: the wheels by the turns of both,
+/// the fixes by wheels and gyro together with the antenna's place, headings by the likelihood of
+/// the innovations. What is found of one is taken off before the next is looked at.
+/// \param arm_known  the configured lever arm is the true one and not estimated
+[[nodiscard]] OffsetsCalibration calibrateOffsets(
+    const std::string& log,
+    const io::RecordingOptions& options,
+    const pipeline::Config& config,
+    bool arm_known,
+    const pipeline::Progress& progress);
+
 /// Antenna lever arm, yaw of the IMU and pose of the laser, each where the recording observes it.
 [[nodiscard]] Calibration calibrateMount(
     const std::string& log,
