@@ -178,7 +178,7 @@ void calibrateOdometry(const Arguments& args, int& exit_code) {
   const auto data = tuning::readOdometry(
       args.log, args.ref, recordingOptions(args, config), config, bar.callback());
   const OdometryCalibration c = tuning::calibrateOdometry(
-      data.odometry, data.reference, data.has_position, args.track_m, data.turn_scale_sigma);
+      data.odometry, data.reference, data.has_position, args.track_m, data.errors);
   output.timing(bar.wallSeconds(), 0.0);
   output.summary()["input"] = args.log;
   output.summary()["reference"] = data.reference_name;

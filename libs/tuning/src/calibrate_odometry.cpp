@@ -233,7 +233,7 @@ OdometryCalibration calibrateOdometry(
     const metrics::Trajectory& reference,
     bool has_position,
     double track_m,
-    double turn_scale_sigma) {
+    const ReferenceErrors& reference_errors) {
   const std::vector<Segment> segments = segmentsOf(odometry, reference);
   if (segments.size() < kFewestSegments) {
     throw InputError(
@@ -305,14 +305,15 @@ OdometryCalibration calibrateOdometry(
                        const Eigen::VectorXd& gradient,
                        double limit,
                        const std::string& drive) {
-    const bool distance = unit == "m" && name != "ICR ahead of base";
-    const double by_turns = distance ? turn_scale_sigma * value : 0.0;
+    const double by_reference = name == "ICR ahead of base" ? reference_errors.ahead_sigma_m
+                                : unit == "m" ? reference_errors.turn_scale_sigma * value
+                                              : 0.0;
     Quantity q{
         name,
         unit,
         was,
         value,
-        std::hypot(std::sqrt(gradient.dot(fit.cov * gradient)), by_turns),
+        std::hypot(std::sqrt(gradient.dot(fit.cov * gradient)), by_reference),
         ""};
     const bool position = name != "effective track";
     if (position && !has_position) {
@@ -355,7 +356,10 @@ namespace {
 
 /// Lever arm and delay as the drive shows them. \return what was found, in words
 std::string correctAntenna(
-    std::vector<Measurement> measurements, pipeline::Config& config, pipeline::FuseOptions& fuse) {
+    std::vector<Measurement> measurements,
+    pipeline::Config& config,
+    pipeline::FuseOptions& fuse,
+    ReferenceErrors& errors) {
   Calibration antenna;
   const bool gnss = std::any_of(measurements.begin(), measurements.end(), [](const auto& m) {
     return std::holds_alternative<GnssFix>(m);
@@ -369,7 +373,12 @@ std::string correctAntenna(
   const Quantity* y = found(kAntennaY);
   const Quantity* late = found(kGnssLate);
   // Together or not at all: each stands in for a part of the others.
-  if (x == nullptr || y == nullptr || late == nullptr) return "";
+  if (x == nullptr || y == nullptr || late == nullptr) {
+    return gnss ? " (antenna where it is configured: what that is wrong by, forward, is in \"ICR "
+                  "ahead of base\")"
+                : "";
+  }
+  errors.ahead_sigma_m = x->sigma;
   config.rig.p_base_antenna = {x->value, y->value};
   fuse.gnss_late_s = late->value;
   char text[96];
@@ -418,11 +427,11 @@ OdometryData readOdometry(
   for (const io::StampedPose& p : poses) data.reference.push_back({p.stamp, toPose2(p.T)});
   data.has_position = !data.reference.empty();
   if (data.has_position) return data;
-  data.turn_scale_sigma = config.ekf.gyro.scale_sigma;
+  data.errors.turn_scale_sigma = config.ekf.gyro.scale_sigma;
   pipeline::Config corrected = config;
   pipeline::FuseOptions smooth;
   smooth.smooth = true;
-  const std::string known = correctAntenna(std::move(measurements), corrected, smooth);
+  const std::string known = correctAntenna(std::move(measurements), corrected, smooth, data.errors);
   const pipeline::FuseResult fused =
       pipeline::fuse(log, options, corrected, smooth, Observers{}, progress);
   data.reference = fused.trajectory;

@@ -19,8 +19,9 @@ constexpr double kSigma_s = 0.05;  // what counts as observed: one sigma below t
 constexpr double kWindow_s = 0.4;  // of the turns that are compared
 constexpr double kStretch_s = 20.0;  // errors are independent from one to the next
 constexpr std::size_t kFewestWindows = 50;
-constexpr const char* kCurves = "drive curves and change speed: at constant speed a delay looks "
-                                "like an offset";
+/// Of the wheels' turns the gyro has to explain so much: those of a straight drive are slip.
+constexpr double kExplained = 0.9;
+constexpr const char* kTurns = "turn on the spot or drive curves, both ways";
 
 /// An angle that has been summed up, at ascending stamps [s].
 struct Sum {
@@ -46,7 +47,24 @@ struct Turns {
   Sum gyro;
 };
 
+/// Where up is in the axes of the IMU, by the mean specific force; z without a full accelerometer.
+Eigen::Vector3d upOf(const std::vector<Measurement>& measurements) {
+  constexpr double kGravity = 9.81;
+  constexpr double kTolerance = 1.0;
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  int count = 0;
+  for (const Measurement& m : measurements) {
+    const auto* imu = std::get_if<Imu>(&m);
+    if (imu == nullptr || !imu->accel_mps2.allFinite()) continue;
+    sum += imu->accel_mps2;
+    ++count;
+  }
+  if (std::abs(sum.norm() - count * kGravity) > count * kTolerance) return Eigen::Vector3d::UnitZ();
+  return count == 0 ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d(sum.normalized());
+}
+
 Turns turnsOf(const std::vector<Measurement>& measurements) {
+  const Eigen::Vector3d up = upOf(measurements);
   Turns turns;
   const Timestamp first = stampOf(measurements.front());
   for (const Measurement& m : measurements) {
@@ -62,7 +80,7 @@ Turns turnsOf(const std::vector<Measurement>& measurements) {
       // A reading is the mean since the one before, as the filter takes it.
       const double turned =
           sum.at_s.empty() ? 0.0
-                           : sum.value.back() + imu->omega_radps.z() * (t_s - sum.at_s.back());
+                           : sum.value.back() + imu->omega_radps.dot(up) * (t_s - sum.at_s.back());
       sum.value.push_back(turned);
       sum.at_s.push_back(t_s);
     }
@@ -101,6 +119,18 @@ class WheelTurns {
       r.push_back(wheels(from, to) - p[kShare] * gyro(from, to, p[kLate]) - p[kBias] * (to - from));
     }
     return r;
+  }
+
+  /// Root mean square about the mean.
+  [[nodiscard]] double size() const {
+    double sum = 0.0;
+    double squares = 0.0;
+    for (const auto& [from, to] : windows_) {
+      sum += wheels(from, to);
+      squares += wheels(from, to) * wheels(from, to);
+    }
+    const auto n = static_cast<double>(windows_.size());
+    return std::sqrt(std::max(0.0, squares / n - sum * sum / (n * n)));
   }
 
   /// Share and bias that fit a delay best, and the root mean square they leave.
@@ -172,9 +202,14 @@ void calibrateWheels(const std::vector<Measurement>& measurements, OffsetsCalibr
       fit_of.groups());
   q.value = fit.parameters[kLate];
   q.sigma = std::sqrt(fit.cov(kLate, kLate));
-  if (q.sigma > kSigma_s || std::abs(best.first[kLate]) >= kReach_s) {
-    q.unobserved = "turn with a changing rate, both ways: the wheels' turns are laid on the gyro's";
+  const double left = best.second / std::max(1e-9, fit_of.size());
+  if (q.sigma > kSigma_s || std::abs(best.first[kLate]) >= kReach_s ||
+      left * left > 1.0 - kExplained) {
+    q.unobserved = kTurns;
   }
+  result.notes.push_back(
+      "the gyro explains " + std::to_string(std::lround(100.0 * (1.0 - left * left))) +
+      " % of the wheels' turns");
   result.quantities.push_back(q);
   result.curves.push_back(std::move(curve));
 }
@@ -188,14 +223,14 @@ void calibrateGnss(
   Quantity late = *antenna.find(kGnssLate);
   const Quantity x = *antenna.find(kAntennaX);
   const Quantity y = *antenna.find(kAntennaY);
-  if (!x.unobserved.empty() || !y.unobserved.empty()) {
+  const bool arm_found = x.unobserved.empty() && y.unobserved.empty();
+  if (arm_found) config.rig.p_base_antenna = {x.value, y.value};
+  if (!late.unobserved.empty() && arm_found) {
+    late.unobserved = "drive curves and change speed: at constant speed a delay looks like an offset";
+  } else if (!late.unobserved.empty()) {
     late.unobserved =
         "the drive does not show where the antenna is, and along the way a wrong place looks like "
         "a delay: turn on the spot and drive eights, or measure rig.antenna and give --arm-known";
-  } else if (!late.unobserved.empty()) {
-    late.unobserved = kCurves;
-  } else {
-    config.rig.p_base_antenna = {x.value, y.value};
   }
   result.quantities.push_back(late);
   if (!arm_known) result.quantities.insert(result.quantities.end(), {x, y});
@@ -224,7 +259,7 @@ void calibrateHeading(
       progress);
   for (const pipeline::StampOffset& o : found) {
     Quantity q{kHeadingLate, "s", 0.0, o.offset_s, o.sigma_s, ""};
-    if (!o.found || o.sigma_s > kSigma_s) q.unobserved = "turn with a changing rate, both ways";
+    if (!o.found || o.sigma_s > kSigma_s) q.unobserved = kTurns;
     result.quantities.push_back(q);
     result.curves.push_back({kHeadingLate, "-2 log likelihood above its least", o.misfits});
   }

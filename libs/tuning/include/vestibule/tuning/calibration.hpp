@@ -77,17 +77,21 @@ struct OdometryCalibration : Calibration {
   metrics::Trajectory after;
 };
 
+/// What a reference is off by all along, which no scatter shows: claimed of what is learnt by it.
+struct ReferenceErrors {
+  double turn_scale_sigma = 0.0;  ///< share of all turns, as by a gyro's scale
+  double ahead_sigma_m = 0.0;     ///< of all positions, forward, as by an antenna's lever arm
+};
+
 /// Fits the wheels to a reference over segments of a few seconds.
 /// \param reference  T_map_base; gaps are left out
 /// \param has_position  false when the reference knows turns only
-/// \param turn_scale_sigma  share by which all turns of the reference may be off, as by a gyro's
-///                          scale: what is learnt of the wheels' distance is off by it as well
 [[nodiscard]] OdometryCalibration calibrateOdometry(
     const std::vector<WheelOdometry>& odometry,
     const metrics::Trajectory& reference,
     bool has_position,
     double track_m,
-    double turn_scale_sigma = 0.0);
+    const ReferenceErrors& errors = {});
 
 /// The wheel messages of a recording, and what there is to compare with: `ref_path` (TUM), else the
 /// recording's own reference, else the smoothed GNSS/IMU/wheel path. Before that is made, the
@@ -97,7 +101,7 @@ struct OdometryData {
   std::vector<WheelOdometry> odometry;
   metrics::Trajectory reference;
   bool has_position = false;
-  double turn_scale_sigma = 0.0;  ///< see calibrateOdometry
+  ReferenceErrors errors;
   std::string reference_name;
 };
 [[nodiscard]] OdometryData readOdometry(
