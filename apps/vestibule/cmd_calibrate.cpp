@@ -145,7 +145,8 @@ void quickTable(const OdometryCalibration& c, gui_headless::ReportSection& secti
       {"true / wheel distance on straights",
        c.quick_scale ? fixed(*c.quick_scale, 4) : "no straight long enough"});
   quick.rows.push_back(
-      {"effective track on spins [m]",
+      {c.quick_scale ? "effective track on spins, with that scale [m]"
+                     : "effective track on spins, the scale not known [m]",
        c.quick_track_m ? fixed(*c.quick_track_m, 4) : "no spin on the spot long enough"});
   section.tables.push_back(std::move(quick));
   if (c.quick_scale) s["quick"]["scale"] = rounded(*c.quick_scale, 6);
@@ -205,7 +206,7 @@ void calibrateOdometry(const Arguments& args, int& exit_code) {
 void offsetCurve(
     const tuning::OffsetCurve& curve, const Calibration& c, gui_headless::ReportSection& section) {
   gui_headless::LineChart chart;
-  chart.title = "Misfit, by \"" + curve.of + "\"";
+  chart.title = curve.of + ": misfit over the delay";
   chart.x_label = "late by [s]";
   chart.y_label = curve.misfit;
   chart.series.push_back({"misfit", gui_headless::SeriesLook::kEstimate, curve.points});

@@ -156,7 +156,9 @@ void quickProcedure(
     }
   }
   if (has_position && wheel_m > 3.0) result.quick_scale = true_m / wheel_m;
-  if (true_rad > 3.0) result.quick_track_m = wheel_travel_m / true_rad;
+  if (true_rad > 3.0) {
+    result.quick_track_m = result.quick_scale.value_or(1.0) * wheel_travel_m / true_rad;
+  }
 }
 
 /// The square of the UMBmark test as the odometry would drive it, and where it truly ends.

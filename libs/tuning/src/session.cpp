@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <limits>
 #include <set>
 #include <sstream>
 
@@ -51,15 +54,25 @@ std::string resolved(const ParamIo& io, const std::string& path) {
   return (fs::path(io.here().file).parent_path() / path).lexically_normal().string();
 }
 
+/// One file, or two with the same bytes: a copy under another name is no other recording.
+bool sameFile(const std::string& a, const std::string& b) {
+  std::error_code ec;
+  if (fs::equivalent(a, b, ec)) return true;
+  if (!fs::is_regular_file(a, ec) || !fs::is_regular_file(b, ec)) return false;
+  if (fs::file_size(a, ec) != fs::file_size(b, ec)) return false;
+  std::ifstream in_a(a, std::ios::binary);
+  std::ifstream in_b(b, std::ios::binary);
+  if (!in_a || !in_b) return false;
+  using Bytes = std::istreambuf_iterator<char>;
+  return std::equal(Bytes(in_a), Bytes(), Bytes(in_b), Bytes());
+}
+
 /// Two entries that look at the same seconds of the same drive.
 bool overlap(const RecordingSpec& a, const RecordingSpec& b) {
   const bool same_blocks =
       a.blocks == b.blocks || a.blocks == Blocks::kAll || b.blocks == Blocks::kAll;
   if (!same_blocks) return false;
-  if (!a.log.empty() && !b.log.empty()) {
-    std::error_code ec;
-    return a.log == b.log || fs::equivalent(a.log, b.log, ec);
-  }
+  if (!a.log.empty() && !b.log.empty()) return a.log == b.log || sameFile(a.log, b.log);
   const auto end = [](const RecordingSpec& r) {
     return r.first_seed + static_cast<std::uint64_t>(std::max(1, r.drives));
   };
@@ -242,6 +255,8 @@ pipeline::Config baseConfig(ParamIo& io, const char* key, const std::string& pat
 }
 
 static void describe(ParamIo& io, TunedParameter& p) {
+  // What cannot be read stays so: no second complaint about a range that was never given.
+  if (!io.writing()) p.from = p.to = std::numeric_limits<double>::quiet_NaN();
   io.required("name", p.name);
   io.required("from", p.from);
   io.required("to", p.to);
@@ -249,13 +264,13 @@ static void describe(ParamIo& io, TunedParameter& p) {
   io.optional("ties", p.ties);
   if (io.writing()) return;
   p.where = io.here("name");
-  if (io.has("from") && io.has("to") && !(p.from < p.to)) {
+  if (p.from >= p.to) {
     io.problem(
         "to",
         "empty range: from " + shortNumber(p.from) + " to " + shortNumber(p.to) +
             "; from must be the smaller");
   }
-  if (p.log && !(p.from > 0.0)) {
+  if (p.log && p.from <= 0.0) {
     io.problem("from", shortNumber(p.from) + ": a log scale needs a range above 0");
   }
 }

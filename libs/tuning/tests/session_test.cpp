@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <fstream>
 
 #include "session_target.hpp"
 #include "test_files.hpp"
@@ -107,6 +108,31 @@ TEST(Session, ASetMayNotSeeTheSecondsOfAnother) {
   EXPECT_EQ(with(", blocks: even", ", blocks: odd"), "no complaint");
   EXPECT_THAT(with("", ""), HasSubstr("is in training too (line 5)"));
   EXPECT_THAT(with(", blocks: even", ""), HasSubstr("is in training too"));
+}
+
+TEST(Session, ACopyIsNoOtherRecording) {
+  const TempFolder folder;
+  const std::string log = shipped("datasets/husky_gnss/test1.bag");
+  const std::string copy = folder / "other_day.bag";
+  std::filesystem::copy_file(log, copy);
+  const auto with = [&](const std::string& validation) {
+    return complaint(
+        "parameters:\n  - {name: ekf.gyro.noise_rad_sqrt_s, from: 0.0002, to: 0.02}\n"
+        "recordings:\n  training: [{log: " +
+        log + "}]\n  validation: [{log: " + validation + "}]\nobjectives: [{measure: nis}]\n");
+  };
+  EXPECT_THAT(with(copy), HasSubstr("other_day.bag is in training too (line 4)"));
+  std::ofstream(copy, std::ios::app) << "one byte more";
+  EXPECT_EQ(with(copy), "no complaint");
+}
+
+TEST(Session, ABoundThatIsNoNumberIsOneComplaint) {
+  EXPECT_EQ(
+      complaint(replaced(kGood, "from: 0.0002", "from: .nan")),
+      "s.yaml:2: parameters[0].from: must be a number, is '.nan'");
+  EXPECT_EQ(
+      complaint(replaced(kGood, "to: 0.02", "to: .inf")),
+      "s.yaml:2: parameters[0].to = .inf: must be finite");
 }
 
 TEST(Session, NeedsWhatItsSubjectNeeds) {

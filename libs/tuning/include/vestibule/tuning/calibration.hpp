@@ -69,7 +69,7 @@ struct OdometryCalibration : Calibration {
   WheelGeometry wheels;
   double track_m = 0.0;  ///< believed
   UmbMark umbmark;
-  /// Straights and spins alone: scale and effective track, where there are any.
+  /// Straights and spins alone: scale, and with it the effective track, where there are any.
   std::optional<double> quick_scale;
   std::optional<double> quick_track_m;
   metrics::Trajectory reference;
