@@ -354,8 +354,7 @@ void addCalibrate(CLI::App& app, int& exit_code) {
       ->required()
       ->check(CLI::Range(0.01, 10.0));
   odometry->callback([args, &exit_code] { calibrateOdometry(*args, exit_code); });
-  CLI::App* offsets =
-      addKind(*command, "offsets", "how late the stamps of each sensor are", *args);
+  CLI::App* offsets = addKind(*command, "offsets", "how late the stamps of each sensor are", *args);
   offsets->add_flag(
       "--arm-known", args->arm_known, "rig.antenna of the configuration is measured: keep it");
   offsets->callback([args, &exit_code] { calibrateOffsets(*args, exit_code); });

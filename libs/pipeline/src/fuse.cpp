@@ -381,8 +381,8 @@ Eigen::VectorXd misfits(
     const std::optional<geo::TangentPlane>& plane,
     const std::string& sensor,
     double offset_s) {
-  const std::vector<Measurement> shifted = earlier(
-      log.measurements, offset_s, [&](const Measurement& m) { return isOf(m, sensor); });
+  const std::vector<Measurement> shifted =
+      earlier(log.measurements, offset_s, [&](const Measurement& m) { return isOf(m, sensor); });
   ekf::MapFilter filter(config.ekf, config.rig);
   Eigen::VectorXd sums = Eigen::VectorXd::Zero(
       1 + static_cast<Eigen::Index>(toSeconds(log.last - log.first) / kStretch_s));
@@ -399,10 +399,7 @@ Eigen::VectorXd misfits(
 /// Of the least of a parabola through three misfits: by its curvature, or by the scatter of the
 /// stretches' slopes where that is more.
 double sigmaOfLeast(
-    const Eigen::VectorXd& left,
-    const Eigen::VectorXd& right,
-    double curvature,
-    double step_s) {
+    const Eigen::VectorXd& left, const Eigen::VectorXd& right, double curvature, double step_s) {
   const Eigen::ArrayXd slopes = (right - left).array() / (2.0 * step_s);
   const double n = static_cast<double>(slopes.size());
   const double scatter = n / (n - 1.0) * (slopes - slopes.mean()).square().sum();
@@ -447,8 +444,8 @@ StampOffset offsetOf(
     progress((level + 1) / 3.0);
   }
   std::sort(best.misfits.begin(), best.misfits.end());
-  const auto least = std::min_element(
-      best.misfits.begin(), best.misfits.end(), [](const auto& a, const auto& b) {
+  const auto least =
+      std::min_element(best.misfits.begin(), best.misfits.end(), [](const auto& a, const auto& b) {
         return a.second < b.second;
       });
   const double least_value = least->second;
@@ -466,8 +463,8 @@ std::vector<StampOffset> estimateOffsets(
     const Progress& progress) {
   Log log = readLog(recording_path, recording_options, [](double, double) {});
   for (const auto& [sensor, late_s] : known_s) {
-    log.measurements = earlier(
-        std::move(log.measurements), late_s, [&of = sensor](const Measurement& m) {
+    log.measurements =
+        earlier(std::move(log.measurements), late_s, [&of = sensor](const Measurement& m) {
           return isOf(m, of);
         });
   }

@@ -15,8 +15,8 @@ namespace vestibule::tuning {
 namespace {
 
 constexpr double kReach_s = 1.5;
-constexpr double kSigma_s = 0.05;  // what counts as observed: one sigma below this
-constexpr double kWindow_s = 0.4;  // of the turns that are compared
+constexpr double kSigma_s = 0.05;    // what counts as observed: one sigma below this
+constexpr double kWindow_s = 0.4;    // of the turns that are compared
 constexpr double kStretch_s = 20.0;  // errors are independent from one to the next
 constexpr std::size_t kFewestWindows = 50;
 /// Of the wheels' turns the gyro has to explain so much: those of a straight drive are slip.
@@ -72,7 +72,8 @@ Turns turnsOf(const std::vector<Measurement>& measurements) {
     if (const auto* wheels = std::get_if<WheelOdometry>(&m)) {
       Sum& sum = turns.wheels;
       if (!sum.at_s.empty() && t_s <= sum.at_s.back()) continue;
-      sum.value.push_back((sum.value.empty() ? 0.0 : sum.value.back()) + wheels->T_previous_now.phi);
+      sum.value.push_back(
+          (sum.value.empty() ? 0.0 : sum.value.back()) + wheels->T_previous_now.phi);
       sum.at_s.push_back(t_s);
     } else if (const auto* imu = std::get_if<Imu>(&m)) {
       Sum& sum = turns.gyro;
@@ -226,7 +227,8 @@ void calibrateGnss(
   const bool arm_found = x.unobserved.empty() && y.unobserved.empty();
   if (arm_found) config.rig.p_base_antenna = {x.value, y.value};
   if (!late.unobserved.empty() && arm_found) {
-    late.unobserved = "drive curves and change speed: at constant speed a delay looks like an offset";
+    late.unobserved =
+        "drive curves and change speed: at constant speed a delay looks like an offset";
   } else if (!late.unobserved.empty()) {
     late.unobserved =
         "the drive does not show where the antenna is, and along the way a wrong place looks like "

@@ -175,8 +175,8 @@ TEST(Calibrate, ASimulatedDriveGivesItsRobotBack) {
   io::RecordingOptions options;
   const auto quiet = [](double, double) {};
   OdometryData data = readOdometry(log, "", options, config, quiet);
-  const OdometryCalibration by_gnss = calibrateOdometry(
-      data.odometry, data.reference, data.has_position, 0.75, data.errors);
+  const OdometryCalibration by_gnss =
+      calibrateOdometry(data.odometry, data.reference, data.has_position, 0.75, data.errors);
   const OdometryCalibration by_truth = calibrateOdometry(data.odometry, truth, true, 0.75);
   for (const OdometryCalibration* c : {&by_gnss, &by_truth}) {
     EXPECT_NEAR(c->find("effective track")->value, 1.125, 0.02 * 1.125);

@@ -172,6 +172,7 @@ TEST(Engine, APureNoiseObjectiveIsRefused) {
     session.seeds.first = repetition * 100000;
     refused += tuned(session, noise).accepted ? 0 : 1;
   }
+  RecordProperty("refused_of_100", refused);
   EXPECT_GE(refused, 95);
 }
 

@@ -1,5 +1,5 @@
 // A drive made by the very model the filter believes in: the noise is known, so the best parameters
-// are. Kept out of the default run: some forty seconds.
+// are. Kept out of the default run: over a minute.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -18,7 +18,9 @@ namespace {
 constexpr double kAlong = 0.05;   // m/sqrt(m)
 constexpr double kAcross = 0.03;  // m/sqrt(m)
 constexpr double kGyro = 0.01;    // rad/sqrt(s)
-constexpr double kFix_m = 0.08;
+/// Sideways noise hides behind the heading's unless the fixes see it come: behind fixes of 0.08 m
+/// it was off by 27 to 35 % in one of five sets of drives, whether of four drives or of eight.
+constexpr double kFix_m = 0.03;
 
 struct Drive {
   std::vector<Measurement> measurements;
@@ -69,8 +71,6 @@ Drive driven(std::uint64_t seed, double length_s) {
 class DriveSubject : public Subject {
  public:
   explicit DriveSubject(std::uint64_t first) {
-    // Two drives leave the sideways noise, which hides behind the heading's, uncertain by a
-    // quarter.
     for (std::uint64_t seed = 0; seed < 4; ++seed) add(Role::kTraining, first + seed);
     for (std::uint64_t seed = 10; seed < 12; ++seed) add(Role::kValidation, first + seed);
   }
@@ -125,6 +125,7 @@ pipeline::Config cleanModel() {
   config.ekf.wheels.scale_sigma = 1e-4;
   config.ekf.wheels.scale_walk_sqrt_m = 0.0;
   config.ekf.gnss.rtk_correlation_s = 1e-3;
+  config.ekf.gnss.adapt_time_s = 0.0;
   config.ekf.gate_probability = 0.99999;
   config.ekf.down_weight_probability = 0.9999;
   return config;
@@ -181,7 +182,10 @@ TEST_P(KnownOptimum, FourParametersWrongByTenAreFoundAgain) {
 }
 
 INSTANTIATE_TEST_SUITE_P(
-    Drives, KnownOptimum, testing::Values(1U, 101U, 201U, 301U, 401U), testing::PrintToStringParamName());
+    Drives,
+    KnownOptimum,
+    testing::Values(1U, 101U, 201U, 301U, 401U),
+    testing::PrintToStringParamName());
 
 }  // namespace
 }  // namespace vestibule::tuning

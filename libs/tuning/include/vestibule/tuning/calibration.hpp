@@ -133,8 +133,8 @@ struct CompassData {
 
 /// A misfit over how late the stamps of a sensor are taken to be.
 struct OffsetCurve {
-  std::string of;  ///< name of the quantity
-  std::string misfit;  ///< what it is, with unit
+  std::string of;                                 ///< name of the quantity
+  std::string misfit;                             ///< what it is, with unit
   std::vector<std::pair<double, double>> points;  ///< (late by [s], misfit)
 };
 
