@@ -170,6 +170,13 @@ class WheelTurns {
   std::vector<std::pair<double, double>> windows_;
 };
 
+/// 0 without a gyro.
+double gyroPeriod(const std::vector<Measurement>& measurements) {
+  const std::vector<double> at_s = turnsOf(measurements).gyro.at_s;
+  if (at_s.size() < 2) return 0.0;
+  return (at_s.back() - at_s.front()) / static_cast<double>(at_s.size() - 1);
+}
+
 /// Stamps of the wheels against those of the gyro, by the turns of both.
 void calibrateWheels(const std::vector<Measurement>& measurements, OffsetsCalibration& result) {
   Quantity q{kWheelsLate, "s", 0.0, 0.0, 0.0, ""};
@@ -251,6 +258,7 @@ void calibrateHeading(
     const std::string& log,
     const io::RecordingOptions& options,
     const pipeline::Config& config,
+    double gyro_period_s,
     OffsetsCalibration& result,
     const pipeline::Progress& progress) {
   const auto found = pipeline::estimateOffsets(
@@ -260,8 +268,14 @@ void calibrateHeading(
       {{"gnss", foundOrZero(result, kGnssLate)}, {"wheels", foundOrZero(result, kWheelsLate)}},
       progress);
   for (const pipeline::StampOffset& o : found) {
-    Quantity q{kHeadingLate, "s", 0.0, o.offset_s, o.sigma_s, ""};
-    if (!o.found || o.sigma_s > kSigma_s) q.unobserved = kTurns;
+    // Between two of its messages the gyro does not say when the robot turned.
+    const double between_s = gyro_period_s / std::sqrt(12.0);
+    Quantity q{kHeadingLate, "s", 0.0, o.offset_s, std::hypot(o.sigma_s, between_s), ""};
+    if (between_s > kSigma_s) {
+      q.unobserved = "record the gyro at least ten times a second";
+    } else if (!o.found || q.sigma > kSigma_s) {
+      q.unobserved = kTurns;
+    }
     result.quantities.push_back(q);
     result.curves.push_back({kHeadingLate, "-2 log likelihood above its least", o.misfits});
   }
@@ -298,9 +312,12 @@ OffsetsCalibration calibrateOffsets(
   for (Measurement& m : measurements) {
     if (auto* odometry = std::get_if<WheelOdometry>(&m)) odometry->stamp = odometry->stamp - late;
   }
+  const double gyro_period_s = heading ? gyroPeriod(measurements) : 0.0;
   pipeline::Config corrected = config;
   if (gnss) calibrateGnss(makeFilterLog(std::move(measurements)), corrected, arm_known, result);
-  if (heading) calibrateHeading(log, options, corrected, result, progress);
+  if (heading) {
+    calibrateHeading(log, options, corrected, gyro_period_s, result, progress);
+  }
   return result;
 }
 
