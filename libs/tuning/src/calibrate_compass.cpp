@@ -80,7 +80,19 @@ CompassDeviation deviationOf(const Eigen::VectorXd& p) {
 }
 
 double misfitOf(const Row& row, const CompassDeviation& deviation) {
-  return row.deviation_deg - radToDeg(deviation.at(row.bearing_rad));
+  return radToDeg(wrapToPi(degToRad(row.deviation_deg) - deviation.at(row.bearing_rad)));
+}
+
+/// Of the deviations as directions: a mounting the wrong way round leaves them on both sides of
+/// 180.
+double meanDeviation(const std::vector<Row>& rows) {
+  double s = 0.0;
+  double c = 0.0;
+  for (const Row& row : rows) {
+    s += std::sin(degToRad(row.deviation_deg));
+    c += std::cos(degToRad(row.deviation_deg));
+  }
+  return radToDeg(std::atan2(s, c));
 }
 
 }  // namespace
@@ -108,7 +120,10 @@ Calibration calibrateCompass(
     };
     Eigen::VectorXd prior = Eigen::VectorXd::Constant(kCount, 20.0);
     prior[0] = 180.0;  // of any mounting
-    fit = robustFit(misfits, none, prior, groups);
+    Eigen::VectorXd start = none;
+    start[0] = meanDeviation(rows);
+    fit = robustFit(misfits, start, prior, groups);
+    fit.parameters[0] = radToDeg(wrapToPi(degToRad(fit.parameters[0])));
   }
   Calibration result;
   for (int i = 0; i < kCount; ++i) {

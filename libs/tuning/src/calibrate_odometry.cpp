@@ -376,9 +376,7 @@ std::string correctAntenna(
   const Quantity* late = found(kGnssLate);
   // Together or not at all: each stands in for a part of the others.
   if (x == nullptr || y == nullptr || late == nullptr) {
-    return gnss ? " (antenna where it is configured: what that is wrong by, forward, is in \"ICR "
-                  "ahead of base\")"
-                : "";
+    return gnss ? " (antenna where it is configured)" : "";
   }
   errors.ahead_sigma_m = x->sigma;
   config.rig.p_base_antenna = {x->value, y->value};

@@ -101,6 +101,16 @@ TEST(CalibrateCompass, RecoversTheDeviation) {
   EXPECT_LT(c.residuals[0].rmsAfter(), c.residuals[0].rmsBefore());
 }
 
+TEST(CalibrateCompass, AMountingTheWrongWayRoundIsFound) {
+  CompassDeviation d;
+  d.coefficients_deg = {178.0, 4.0, -2.0, 5.0, 1.0};
+  const Calibration c = compassOver([](double t) { return t < 300 ? 0.05 : -0.07; }, d);
+  EXPECT_NEAR(std::abs(c.quantities[0].value), 178.0, 1.0);
+  for (std::size_t i = 1; i < 5; ++i) {
+    EXPECT_NEAR(c.quantities[i].value, d.coefficients_deg[i], 1.0) << c.quantities[i].name;
+  }
+}
+
 TEST(CalibrateCompass, SaysWhatToDriveAfterOneStraight) {
   CompassDeviation d;
   d.coefficients_deg = {7.0, 4.0, -2.0, 5.0, 1.0};
