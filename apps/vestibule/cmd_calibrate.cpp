@@ -8,7 +8,6 @@
 #include "terminal.hpp"
 #include "vestibule/core/errors.hpp"
 #include "vestibule/gui_headless/charts.hpp"
-#include "vestibule/pipeline/fuse.hpp"
 #include "vestibule/tuning/calibration.hpp"
 #include "vestibule/tuning/parameter_tree.hpp"
 

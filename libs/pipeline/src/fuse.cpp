@@ -401,7 +401,8 @@ Eigen::VectorXd misfits(
 double sigmaOfLeast(
     const Eigen::VectorXd& left, const Eigen::VectorXd& right, double curvature, double step_s) {
   const Eigen::ArrayXd slopes = (right - left).array() / (2.0 * step_s);
-  const double n = static_cast<double>(slopes.size());
+  if (slopes.size() < 2) return std::sqrt(2.0 / curvature);
+  const auto n = static_cast<double>(slopes.size());
   const double scatter = n / (n - 1.0) * (slopes - slopes.mean()).square().sum();
   return std::sqrt(std::max(2.0 / curvature, scatter / (curvature * curvature)));
 }
