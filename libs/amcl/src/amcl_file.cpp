@@ -15,14 +15,7 @@ std::string at(const std::string& path, int line) {
   return path + ":" + std::to_string(line) + ": ";
 }
 
-std::string textOf(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::string text{std::istreambuf_iterator<char>(file), {}};
-  if (!file || text.empty()) {
-    throw InputError(path + ": cannot be read; give a parameter file of nav2_amcl or amcl");
-  }
-  return text;
-}
+constexpr int kDeepest = 8;
 
 // --- YAML ----------------------------------------------------------------------------------------
 
@@ -40,13 +33,16 @@ void collect(
     const std::string& path,
     const std::string& prefix,
     const YAML::Node& node,
+    int depth,
     std::vector<AmclEntry>& entries) {
   for (const auto& entry : node) {
     const std::string where = at(path, entry.first.Mark().line + 1);
+    // An alias may stand within what it names.
+    if (depth > kDeepest) throw ConfigError(where + "nested too deeply");
     if (!entry.first.IsScalar()) throw ConfigError(where + "a name must be a word");
     const std::string name = prefix + entry.first.Scalar();
     if (entry.second.IsMap()) {
-      collect(path, name + ".", entry.second, entries);
+      collect(path, name + ".", entry.second, depth + 1, entries);
     } else {
       entries.push_back({name, entry.second, where});
     }
@@ -69,7 +65,7 @@ std::vector<AmclEntry> fromYaml(const std::string& path, const std::string& text
     throw ConfigError(path + ": no parameters in it; expected `amcl: ros__parameters:` or names");
   }
   std::vector<AmclEntry> entries;
-  collect(path, "", parameters, entries);
+  collect(path, "", parameters, 0, entries);
   return entries;
 }
 
@@ -144,8 +140,16 @@ std::vector<AmclEntry> fromLaunch(const std::string& path, const std::string& te
 
 }  // namespace
 
-std::vector<AmclEntry> readAmclFile(const std::string& path) {
-  const std::string text = textOf(path);
+std::string readAmclFile(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::string text{std::istreambuf_iterator<char>(file), {}};
+  if (!file || text.empty()) {
+    throw InputError(path + ": cannot be read; give a parameter file of nav2_amcl or amcl");
+  }
+  return text;
+}
+
+std::vector<AmclEntry> parseAmclFile(const std::string& text, const std::string& path) {
   const std::size_t first = text.find_first_not_of(" \t\r\n\xef\xbb\xbf");
   return first != std::string::npos && text[first] == '<' ? fromLaunch(path, text)
                                                           : fromYaml(path, text);

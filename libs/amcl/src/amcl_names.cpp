@@ -197,12 +197,16 @@ double* coordinateOf(const std::string& name, Pose2& pose) {
 }  // namespace
 
 AmclNames applyAmclFile(const std::string& path, AmclParams& params) {
+  return applyAmclText(readAmclFile(path), path, params);
+}
+
+AmclNames applyAmclText(const std::string& text, const std::string& path, AmclParams& params) {
   AmclNames result;
   Pose2 initial;
   bool has_initial = false;
   bool use_initial = true;
   std::set<std::string> seen;
-  for (const AmclEntry& entry : readAmclFile(path)) {
+  for (const AmclEntry& entry : parseAmclFile(text, path)) {
     const auto synonym = synonyms().find(entry.name);
     const std::string& name = synonym == synonyms().end() ? entry.name : synonym->second;
     const auto ignored = withoutCounterpart().find(

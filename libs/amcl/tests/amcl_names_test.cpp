@@ -5,7 +5,9 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 
+#include "amcl_names_target.hpp"
 #include "vestibule/core/errors.hpp"
 
 namespace vestibule::amcl {
@@ -125,6 +127,22 @@ TEST(AmclNames, NamesTheLineOfWhatIsWrong) {
   EXPECT_THAT(error("<launch><node pkg=\"amcl\">\n"), HasSubstr("not a sound launch file"));
   AmclParams params;
   EXPECT_THROW((void)applyAmclFile("/nowhere.yaml", params), InputError);
+}
+
+/// Any exception but a complaint of our own type fails the test.
+TEST(AmclNames, AreComplainedAboutOrReadWhereverTheFileEnds) {
+  int n = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(
+           std::filesystem::path(VESTIBULE_SOURCE_DIR) / "libs/amcl/fuzz/corpus/amcl_names")) {
+    std::ifstream file(entry.path(), std::ios::binary);
+    const std::string bytes{std::istreambuf_iterator<char>(file), {}};
+    for (std::size_t size = 0; size <= bytes.size(); ++size) {
+      EXPECT_NO_THROW(fuzz::readAmclNames(bytes.substr(0, size)))
+          << entry.path() << " cut at " << size;
+    }
+    ++n;
+  }
+  EXPECT_GE(n, 10);
 }
 
 }  // namespace

@@ -24,5 +24,8 @@ struct AmclNames {
 /// `amcl:` above them, or a launch file of ROS 1. Throws ConfigError with file:line for values that
 /// are none or that our own rules refuse, and InputError where the file cannot be read.
 [[nodiscard]] AmclNames applyAmclFile(const std::string& path, AmclParams& params);
+/// The same of a file's text. \param name of the file, for messages
+[[nodiscard]] AmclNames applyAmclText(
+    const std::string& text, const std::string& name, AmclParams& params);
 
 }  // namespace vestibule::amcl
