@@ -171,16 +171,21 @@ void expectCovered(const Calibration& c, const char* name, double truth, double 
   EXPECT_LT(std::abs(q->value - truth), 3.0 * q->sigma) << name << " = " << q->value;
 }
 
+/// The shipped drive, so many times over; the laser has a test of its own.
+auto calibrationDrive(int repeat) {
+  auto scenario = shippedScenario("calibration_drive");
+  scenario.sim.lidar.rate_hz = 0.1;
+  scenario.repeat = repeat;
+  return scenario;
+}
+
 /// Bars: ICR 1.5 x track and 3 % scale within 2 %, 80 ms latency within 10 ms, 0.4 m lever arm
 /// within 0.05 m, all on one simulated drive; the lever arm and the latency are not known
 /// beforehand.
 TEST(Calibrate, ASimulatedDriveGivesItsRobotBack) {
   const TempFolder folder;
   const std::string log = folder / "drive.rawlog";
-  auto scenario = shippedScenario("calibration_drive");
-  scenario.sim.lidar.rate_hz = 0.1;  // the laser has a test of its own
-  scenario.repeat = 2;
-  const metrics::Trajectory truth = recordScenario(scenario, 1, log);
+  const metrics::Trajectory truth = recordScenario(calibrationDrive(2), 1, log);
   pipeline::Config config = pipeline::loadConfig(shipped("config/filters/simulated_robot.yaml"));
   io::RecordingOptions options;
   const auto quiet = [](double, double) {};
@@ -209,10 +214,8 @@ TEST(Calibrate, ASimulatedDriveGivesItsRobotBack) {
 TEST(CalibrateOffsets, LateWheelsAndLateFixesAreToldApart) {
   const TempFolder folder;
   const std::string log = folder / "drive.rawlog";
-  auto scenario = shippedScenario("calibration_drive");
-  scenario.sim.lidar.rate_hz = 0.1;
+  auto scenario = calibrationDrive(2);
   scenario.sim.transport.wheels.clock_offset_s = 0.12;
-  scenario.repeat = 2;
   recordScenario(scenario, 2, log);
   const pipeline::Config config =
       pipeline::loadConfig(shipped("config/filters/simulated_robot.yaml"));
@@ -224,10 +227,8 @@ TEST(CalibrateOffsets, LateWheelsAndLateFixesAreToldApart) {
 TEST(CalibrateOffsets, AStraightDriveDoesNotShowTheWheelsDelay) {
   const TempFolder folder;
   const std::string log = folder / "drive.rawlog";
-  auto scenario = shippedScenario("calibration_drive");
-  scenario.sim.lidar.rate_hz = 0.1;
+  auto scenario = calibrationDrive(3);
   scenario.drive.resize(1);
-  scenario.repeat = 3;
   recordScenario(scenario, 1, log);
   const OffsetsCalibration c =
       calibrateOffsets(log, {}, pipeline::Config{}, false, [](double, double) {});
