@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kObserved_deg = 1.0;  // one sigma below this
 /// Steel bends the readings of a while alike.
-constexpr double kStretch_s = 30.0;
+constexpr double kSteel_s = 30.0;
 /// Readings without motion between them say the same.
 constexpr double kLeastTravel_m = 0.1;
 constexpr double kLeastTurn_rad = degToRad(1.0);
@@ -110,7 +110,7 @@ Calibration calibrateCompass(
   Fit fit{none, {}, 0};
   if (rows.size() > 2 * kCount) {
     std::vector<int> groups;
-    for (const Row& row : rows) groups.push_back(static_cast<int>(row.at_s / kStretch_s));
+    for (const Row& row : rows) groups.push_back(groupAt(row.at_s, kSteel_s));
     const auto misfits = [&rows](const Eigen::VectorXd& p) {
       const CompassDeviation deviation = deviationOf(p);
       std::vector<double> r;

@@ -25,10 +25,6 @@ constexpr double kImuSigma_rad = degToRad(3.0);
 constexpr double kLaserSigma_m = 0.03;
 constexpr double kLaserSigma_rad = degToRad(1.0);
 constexpr double kMotion_s = 0.5;  // of the pairs of scans behind the laser's pose
-/// Errors of odometry and fixes are taken for independent from one such stretch to the next.
-constexpr double kStretch_s = 20.0;
-
-int groupAt(double at_s) { return static_cast<int>(at_s / kStretch_s); }
 
 struct Sensors {
   std::vector<Measurement> measurements;

@@ -15,9 +15,8 @@ namespace vestibule::tuning {
 namespace {
 
 constexpr double kReach_s = 1.5;
-constexpr double kSigma_s = 0.05;    // what counts as observed: one sigma below this
-constexpr double kWindow_s = 0.4;    // of the turns that are compared
-constexpr double kStretch_s = 20.0;  // errors are independent from one to the next
+constexpr double kSigma_s = 0.05;  // what counts as observed: one sigma below this
+constexpr double kWindow_s = 0.4;  // of the turns that are compared
 constexpr std::size_t kFewestWindows = 50;
 /// Of the wheels' turns the gyro has to explain so much: those of a straight drive are slip.
 constexpr double kExplained = 0.9;
@@ -153,7 +152,7 @@ class WheelTurns {
   [[nodiscard]] std::vector<int> groups() const {
     std::vector<int> groups;
     for (const auto& window : windows_) {
-      groups.push_back(static_cast<int>(window.first / kStretch_s));
+      groups.push_back(groupAt(window.first));
     }
     return groups;
   }

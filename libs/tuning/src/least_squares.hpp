@@ -28,6 +28,13 @@ struct Fit {
     const Eigen::VectorXd& prior_sigma,
     const std::vector<int>& groups = {});
 
+/// Errors of a drive are taken for independent from one such stretch to the next.
+inline constexpr double kStretch_s = 20.0;
+/// The group of a residual at a time since the start. \param stretch_s of one group
+[[nodiscard]] inline int groupAt(double at_s, double stretch_s = kStretch_s) {
+  return static_cast<int>(at_s / stretch_s);
+}
+
 /// Least squares whose noise is the scatter about the fit, known after the first round.
 /// \param groups  of the misfits, as for leastSquares()
 /// \pre misfits() is never empty
