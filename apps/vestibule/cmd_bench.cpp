@@ -190,7 +190,8 @@ void runLost(const std::string& command, Bench bench, const Arguments& args, int
   gui_headless::Report report;
   report.title = "Vestibule: " + command;
   report.subtitle = "robots that do not know where they are";
-  const auto run = [&](const pipeline::LostPlace& place, const std::string& name) {
+  const auto run = [&](const pipeline::LostPlace& place) {
+    const std::string& name = place.name;
     ProgressBar bar(name);
     const auto trials = bench(place, config, args.places, args.seed, bar.callback());
     const Share right = shareOf(trials, pipeline::LostOutcome::kRight, args.seed);
@@ -262,11 +263,9 @@ void runLost(const std::string& command, Bench bench, const Arguments& args, int
     }
     report.sections.push_back(std::move(section));
   };
-  for (const std::string& path : args.maps) {
-    run(pipeline::changedMap(path, args.seed), std::filesystem::path(path).stem().string());
-  }
-  for (const std::string& path : args.worlds) {
-    run(pipeline::simulatedWorld(path), std::filesystem::path(path).stem().string());
+  for (const pipeline::LostPlace& place :
+       pipeline::lostPlaces(args.maps, args.worlds, args.seed)) {
+    run(place);
   }
   output.text("timing.json", timing.dump(2) + "\n");
   output.report(report);

@@ -28,6 +28,9 @@ constexpr double kBlockedMargin_m = 0.4;  // beams end about here before the obs
 constexpr double kOldScan_s = 10.0;       // stamps farther back are another clock's
 constexpr double kNoOdometry_s = 2.0;
 constexpr double kSlowEvidence_s = 10.0;
+constexpr double kAgreeing_m = 0.25;  // between a beam and what the map says it meets
+constexpr double kSharp_m = 0.1;
+constexpr double kMemory_m = 30.0;  // driven, after which a contradiction is forgotten
 constexpr double kConvergedSpread_m = 1.5;
 constexpr double kSearchTempering = 0.5;
 constexpr double kClusterBin_m = 0.5;
@@ -181,6 +184,7 @@ struct ParticleLocalizer::Impl {
   bool first_scan = true;   // the first scan after initialising is always used
   Timestamp last_update;
   Timestamp last_scan;
+  Pose2 T_odom_last_scan;
 
   OdometryTrack odometry;
   Pose2 T_odom_update;       // where the odometry was at the last used scan
@@ -204,7 +208,7 @@ struct ParticleLocalizer::Impl {
   double wall_offset_m = 0.0;
   double wall_offset_var = kWallOffsetSigma_m * kWallOffsetSigma_m;
   Eigen::Vector3d wall_offset_cov = Eigen::Vector3d::Zero();
-  LostEvidence evidence;             // of the last scan
+  LostEvidence evidence;             // of the last scan alone
   double fitting_share = 0.0;        // of the last refinement
   double usual_fitting_share = 0.0;  // its running mean; 0 = none yet
   ScanReport report;
@@ -337,7 +341,9 @@ struct ParticleLocalizer::Impl {
     const Point2 laser = T_grid_base(p_base_laser);
     const std::vector<Point2> looked_at = spreadAlongContour(ends, 0.0, kEvidenceBeams);
     std::size_t blocked = 0;
+    std::size_t agreeing = 0;
     std::size_t off_map = 0;
+    double sharp = 0.0;
     p_map_unmapped.clear();
     for (const Point2& p_base_end : looked_at) {
       const Point2 end = T_grid_base(p_base_end);
@@ -348,17 +354,24 @@ struct ParticleLocalizer::Impl {
       if (map->atGrid(end) == grid::Cell::kUnknown) ++off_map;
       // A beam that ends on an obstacle behind another one has clipped a corner, or a thick wall.
       const bool fits = d_m < params.inlier_distance_m;
-      if (!fits && field.blocked(laser, end, kBlockedMargin_m)) ++blocked;
+      const double range_m = std::hypot(end.x - laser.x, end.y - laser.y);
+      const double mapped_m = field.firstObstacle(laser, end, kAgreeing_m);
+      if (!fits && mapped_m < range_m - kBlockedMargin_m) ++blocked;
+      if (std::abs(mapped_m - range_m) < kAgreeing_m) ++agreeing;
+      sharp += std::exp(-0.5 * d_m * d_m / (kSharp_m * kSharp_m));
     }
     const double n = std::max<double>(1.0, static_cast<double>(looked_at.size()));
     evidence.inlier_share = report.inlier_share;
-    evidence.blocked_share = static_cast<double>(blocked) / n;
+    evidence.slow_blocked_share = static_cast<double>(blocked) / n;
+    evidence.agreeing_share = static_cast<double>(agreeing) / n;
+    evidence.sharp_share = sharp / n;
     evidence.off_map_share = static_cast<double>(off_map) / n;
     evidence.spread_m = std::sqrt(report.T_map_base.cov(0, 0) + report.T_map_base.cov(1, 1));
   }
 
   /// \param dt_s since the last scan; the first scan counts alone
-  void judge(double dt_s, bool first) {
+  /// \param driven_m since the last scan
+  void judge(double dt_s, double driven_m, bool first) {
     const auto keptAfter = [&](double time_constant_s) {
       return first ? 0.0 : std::exp(-dt_s / time_constant_s);
     };
@@ -368,15 +381,19 @@ struct ParticleLocalizer::Impl {
       value = keep * value + (1.0 - keep) * seen;
     };
     LostEvidence& e = report.evidence;
-    e.slow_inlier_share =
-        keep_slowly * e.slow_inlier_share + (1.0 - keep_slowly) * evidence.inlier_share;
     e.slow_blocked_share =
-        keep_slowly * e.slow_blocked_share + (1.0 - keep_slowly) * evidence.blocked_share;
+        keep_slowly * e.slow_blocked_share + (1.0 - keep_slowly) * evidence.slow_blocked_share;
+    e.slow_agreeing_share =
+        keep_slowly * e.slow_agreeing_share + (1.0 - keep_slowly) * evidence.agreeing_share;
     smooth(e.inlier_share, evidence.inlier_share);
-    smooth(e.blocked_share, evidence.blocked_share);
+    smooth(e.agreeing_share, evidence.agreeing_share);
+    smooth(e.sharp_share, evidence.sharp_share);
+    const double remembered = first ? 0.0 : std::exp(-driven_m / kMemory_m);
+    e.worst_blocked_share = std::max(
+        e.slow_blocked_share,
+        e.slow_blocked_share + remembered * (e.worst_blocked_share - e.slow_blocked_share));
     smooth(e.off_map_share, evidence.off_map_share);
     smooth(e.spread_m, evidence.spread_m);
-    smooth(e.odometry_chi2, evidence.odometry_chi2);
     smooth(e.weakest_sigma_m, evidence.weakest_sigma_m);
     report.trust = e.inlier_share;
     report.trusted = report.trust >= params.lost_inlier_share;
@@ -565,7 +582,6 @@ struct ParticleLocalizer::Impl {
     wall_offset_var = refined.state.cov(3, 3);
     wall_offset_cov = refined.state.cov.topRightCorner<3, 1>();
     fitting_share = refined.fitting_share;
-    evidence.odometry_chi2 = refined.correction_chi2 / 4.0;
     evidence.weakest_sigma_m = weakestSigma(refined.scan_information);
     tracking = true;
     // The spread of fitting beams changes slowly: it is the sensor's and the map's.
@@ -824,8 +840,9 @@ ScanReport ParticleLocalizer::process(const LaserScan& scan) {
       s.params.field.max_range_m);
   const double dt_s = std::abs(toSeconds(scan.stamp - s.last_scan));
   s.collectEvidence(ends, {scan.T_base_laser.x, scan.T_base_laser.y});
-  s.judge(dt_s, s.first_scan);
+  s.judge(dt_s, distance(s.T_odom_last_scan, T_odom_scan), s.first_scan);
   s.last_scan = scan.stamp;
+  s.T_odom_last_scan = T_odom_scan;
   if (s.report.used) s.first_scan = false;
 
   if (s.observers != nullptr && s.report.used) s.emitParticles(scan.stamp);

@@ -110,18 +110,19 @@ double DistanceField::atGrid(const Point2& p, double outside_m) const {
                                   static_cast<std::size_t>(fx)]);
 }
 
-bool DistanceField::blocked(const Point2& from, const Point2& to, double margin_m) const {
-  const double length_m = std::hypot(to.x - from.x, to.y - from.y);
-  const double end_m = length_m - margin_m;
+double DistanceField::firstObstacle(
+    const Point2& from, const Point2& towards, double beyond_m) const {
+  const double length_m = std::hypot(towards.x - from.x, towards.y - from.y);
+  const double end_m = length_m + beyond_m;
   // Free space is crossed in steps as long as the distance allows.
   for (double along_m = 0.0; along_m < end_m;) {
     const double s = along_m / length_m;
-    const double d =
-        atGrid({from.x + s * (to.x - from.x), from.y + s * (to.y - from.y)}, resolution_m_);
-    if (d < 0.5 * resolution_m_) return true;
+    const double d = atGrid(
+        {from.x + s * (towards.x - from.x), from.y + s * (towards.y - from.y)}, resolution_m_);
+    if (d < 0.5 * resolution_m_) return along_m;
     along_m += std::max(d, resolution_m_) - 0.25 * resolution_m_;
   }
-  return false;
+  return end_m;
 }
 
 }  // namespace vestibule::grid

@@ -106,9 +106,11 @@ TEST(DistanceField, SeesWhatLiesInTheWay) {
   for (int iy = 10; iy < 40; ++iy) cells[static_cast<std::size_t>(iy * 100 + 50)] = Cell::kOccupied;
   const auto map = OccupancyMap::fromCells(100, 40, 0.05, {0, 0}, cells);
   const DistanceField field(map);
-  EXPECT_TRUE(field.blocked({0.5, 1.0}, {4.5, 1.2}, 0.3));
-  EXPECT_FALSE(field.blocked({0.5, 0.2}, {4.5, 0.3}, 0.3)) << "below the wall";
-  EXPECT_FALSE(field.blocked({0.5, 1.0}, {2.52, 1.1}, 0.3)) << "ends on the wall";
+  constexpr double kCell_m = 0.05;
+  EXPECT_NEAR(field.firstObstacle({0.5, 1.0}, {4.5, 1.0}, 0.3), 2.0, kCell_m);
+  EXPECT_NEAR(field.firstObstacle({0.5, 1.0}, {2.4, 1.0}, 0.3), 2.0, kCell_m) << "behind the end";
+  EXPECT_NEAR(field.firstObstacle({0.5, 1.0}, {2.0, 1.0}, 0.3), 1.8, 1e-9) << "ends before";
+  EXPECT_NEAR(field.firstObstacle({0.5, 0.2}, {4.5, 0.2}, 0.3), 4.3, 1e-9) << "below the wall";
 }
 
 TEST(DistanceField, SlopeIsThatOfTheBilinearDistance) {

@@ -1,148 +1,140 @@
 #include "vestibule/pipeline/lost_bench.hpp"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
+#include "trials.hpp"
 #include "vestibule/amcl/particle_localizer.hpp"
-#include "vestibule/core/errors.hpp"
 #include "vestibule/core/random.hpp"
-#include "vestibule/ekf/filter.hpp"
-#include "vestibule/io/map_io.hpp"
-#include "vestibule/sim/scenario.hpp"
+#include "wanderer.hpp"
 
 namespace vestibule::pipeline {
 namespace {
 
 constexpr double kLost_m = 0.5;
 constexpr double kLost_rad = degToRad(10.0);
-constexpr Duration kTick = std::chrono::milliseconds(20);
-constexpr double kSamplePeriod_s = 1.0;
+constexpr double kDriven_m = 40.0;
+constexpr int kMaxTicks = 2000;
+constexpr int kTicksPerScan = 2;
+constexpr int kTicksPerSample = 10;
 constexpr int kTroubles = 5;
 
-/// The same cells mirrored left to right: as much like the building as a wrong map can be.
-grid::OccupancyMap mirrored(const grid::OccupancyMap& map) {
+/// The building with left and right swapped, as a robot at this pose sees them: as much like it as
+/// a wrong map can be.
+grid::OccupancyMap mirroredAbout(const grid::OccupancyMap& map, const Pose2& T_map_base) {
   std::vector<grid::Cell> cells;
   cells.reserve(static_cast<std::size_t>(map.width()) * static_cast<std::size_t>(map.height()));
-  for (int iy = 0; iy < map.height(); ++iy) {
-    for (int ix = map.width() - 1; ix >= 0; --ix) cells.push_back(map.cell(ix, iy));
+  for (int iy = map.height() - 1; iy >= 0; --iy) {
+    for (int ix = 0; ix < map.width(); ++ix) cells.push_back(map.cell(ix, iy));
   }
-  const Pose2 T_map_corner = compose(map.T_map_grid(), Pose2{map.corner().x, map.corner().y, 0.0});
+  const Point2 corner{map.corner().x, -map.corner().y - map.height() * map.resolution()};
+  const Pose2 T_grid_base = between(map.T_map_grid(), T_map_base);
+  const Pose2 T_mirrored_base{T_grid_base.x, -T_grid_base.y, -T_grid_base.phi};
   return grid::OccupancyMap::fromCells(
-      map.width(), map.height(), map.resolution(), {0.0, 0.0}, cells, T_map_corner);
+      map.width(),
+      map.height(),
+      map.resolution(),
+      corner,
+      cells,
+      compose(T_map_base, inverse(T_mirrored_base)));
 }
 
-/// A point of the scenario's way, at least `away_m` from `from`, facing anywhere.
-Pose2 elsewhere(
-    const sim::Scenario& scenario, const Pose2& from, double away_m, RandomStream& rng) {
-  std::vector<Point2> way{{scenario.T_map_base_start.x, scenario.T_map_base_start.y}};
-  for (const sim::Leg& leg : scenario.drive) {
-    if (leg.to) way.push_back(*leg.to);
-  }
-  Pose2 place = from;
-  for (int tries = 0; tries < 100; ++tries) {
-    const auto leg = static_cast<std::size_t>(
-        rng.uniform() * static_cast<double>(std::max<std::size_t>(1, way.size() - 1)));
-    const std::size_t next = std::min(leg + 1, way.size() - 1);
-    const double s = rng.uniform();
-    place = {
-        way[leg].x + s * (way[next].x - way[leg].x),
-        way[leg].y + s * (way[next].y - way[leg].y),
-        rng.uniform(-kPi, kPi)};
-    if (distance(place, from) >= away_m) break;
-  }
-  return place;
-}
-
-class Drive {
+/// People around the robot: they hide sectors of the view, and walk on now and then.
+class Crowd {
  public:
-  Drive(
-      const sim::Scenario& scenario,
-      const grid::OccupancyMap& map,
-      int number,
-      const Config& config)
-      : scenario_(scenario),
-        trouble_(static_cast<Trouble>(number % kTroubles)),
-        rng_(config.seed, "lost-bench", static_cast<std::uint64_t>(number)),
-        odometry_(config.ekf, config.rig) {
-    if (trouble_ == Trouble::kCrowd) scenario_.sim.lidar.occlusion = rng_.uniform(0.2, 0.75);
-    kidnap_at_s_ = rng_.uniform(5.0, 60.0);
-    const bool wrong_map = trouble_ == Trouble::kWrongMap;
-    localizer_.emplace(
-        config.amcl,
-        std::make_shared<const grid::OccupancyMap>(wrong_map ? mirrored(map) : map),
-        derivedSeed(config.seed, "lost-bench", static_cast<std::uint64_t>(number)));
-    run_.emplace(
-        scenario_, derivedSeed(config.seed, "lost-sim", static_cast<std::uint64_t>(number)));
-    Pose2 told = scenario.T_map_base_start;
-    if (trouble_ == Trouble::kWrongStart) {
-      // From hardly wrong to another room.
-      told =
-          compose(told, Pose2{rng_.normal(0.0, 1.5), rng_.normal(0.0, 0.7), rng_.normal(0.0, 0.5)});
-    }
-    constexpr double kSigma_m = 0.25;
-    constexpr double kSigma_rad = degToRad(5.0);
-    localizer_->initialise(
-        {told,
-         Eigen::Vector3d(kSigma_m * kSigma_m, kSigma_m * kSigma_m, kSigma_rad * kSigma_rad)
-             .asDiagonal()});
-  }
+  Crowd(double hidden_share, const RandomStream& rng) : hidden_share_(hidden_share), rng_(rng) {}
 
-  void drive(std::vector<LostSample>& samples) {
-    double next_sample_s = kSamplePeriod_s;
-    while (!run_->finished()) {
-      if (trouble_ == Trouble::kKidnap && !kidnapped_ && run_->elapsed() >= kidnap_at_s_) {
-        kidnapped_ = true;
-        constexpr double kAway_m = 3.0;
-        run_->simulator().carryTo(elsewhere(scenario_, run_->simulator().truth(), kAway_m, rng_));
-      }
-      for (const sim::Delivered& delivered : run_->step(kTick)) take(delivered.measurement);
-      if (run_->elapsed() >= next_sample_s && seen_scan_) {
-        next_sample_s += kSamplePeriod_s;
-        sample(samples);
-      }
+  void hideIn(LaserScan& scan) {
+    constexpr double kChange = 0.1;  // of the sectors, per scan
+    constexpr double kSector_rad = 0.17;
+    constexpr double kNear_m = 0.5;
+    constexpr double kFar_m = 2.5;
+    constexpr double kNoise_m = 0.03;
+    const auto sectors = static_cast<std::size_t>(2.0 * kPi / kSector_rad) + 1;
+    if (away_m_.empty()) away_m_.assign(sectors, -1.0);
+    for (double& away_m : away_m_) {
+      const bool changes = away_m < 0.0 || rng_.bernoulli(kChange);
+      if (changes) away_m = rng_.bernoulli(hidden_share_) ? rng_.uniform(kNear_m, kFar_m) : 0.0;
+    }
+    for (std::size_t i = 0; i < scan.ranges_m.size(); ++i) {
+      const double angle = wrapToPi(scan.angle(i)) + kPi;
+      const double away_m = away_m_[static_cast<std::size_t>(angle / kSector_rad) % sectors];
+      if (away_m <= 0.0 || static_cast<double>(scan.ranges_m[i]) < away_m) continue;
+      scan.ranges_m[i] = static_cast<float>(away_m + rng_.normal(0.0, kNoise_m));
     }
   }
 
  private:
-  void take(const Measurement& measurement) {
-    if (const auto* wheels = std::get_if<WheelOdometry>(&measurement)) {
-      odometry_.process(*wheels);
-      WheelOdometry increment = *wheels;
-      const Pose2 now = odometry_.odometry().mean;
-      increment.T_previous_now = between(T_odom_base_, now);
-      T_odom_base_ = now;
-      localizer_->process(increment, amcl::YawSource::kGyro);
-    } else if (const auto* imu = std::get_if<Imu>(&measurement)) {
-      odometry_.process(*imu);
-    } else if (const auto* scan = std::get_if<LaserScan>(&measurement)) {
-      (void)localizer_->process(*scan);
-      seen_scan_ = true;
-    }
-  }
+  double hidden_share_;
+  RandomStream rng_;
+  std::vector<double> away_m_;  // per sector; 0 = nobody
+};
 
-  void sample(std::vector<LostSample>& samples) const {
-    const Pose2 truth = run_->simulator().truth();
-    const Pose2 estimate = localizer_->pose().mean;
+std::vector<LostSample> wanderLost(
+    const LostPlace& place,
+    const Ground& ground,
+    const amcl::AmclParams& params,
+    int number,
+    std::uint64_t seed) {
+  const auto trial = static_cast<std::uint64_t>(number);
+  RandomStream rng(seed, "lost-bench", trial);
+  const auto trouble = static_cast<Trouble>(number % kTroubles);
+  Wanderer robot(place, ground, ground.draw(rng), RandomStream(seed, "lost-wanderer", trial));
+  Crowd crowd(
+      trouble == Trouble::kCrowd ? rng.uniform(0.2, 0.75) : 0.0,
+      RandomStream(seed, "lost-crowd", trial));
+  const double kidnap_at_m =
+      trouble == Trouble::kKidnap ? rng.uniform(2.0, 0.5 * kDriven_m) : 2.0 * kDriven_m;
+  auto map = place.map;
+  Pose2 told = robot.truth();
+  if (trouble == Trouble::kWrongMap) {
+    map = std::make_shared<const grid::OccupancyMap>(mirroredAbout(*map, told));
+  } else if (trouble == Trouble::kWrongStart) {
+    // From hardly wrong to another room.
+    told = compose(told, Pose2{rng.normal(0.0, 1.5), rng.normal(0.0, 0.7), rng.normal(0.0, 0.5)});
+  }
+  amcl::ParticleLocalizer localizer(params, map, derivedSeed(seed, "lost-bench", trial));
+  constexpr double kSigma_m = 0.25;
+  constexpr double kSigma_rad = degToRad(5.0);
+  localizer.initialise(
+      {told,
+       Eigen::Vector3d(kSigma_m * kSigma_m, kSigma_m * kSigma_m, kSigma_rad * kSigma_rad)
+           .asDiagonal()});
+
+  std::vector<LostSample> samples;
+  bool kidnapped = false;
+  for (int tick = 1; tick <= kMaxTicks && robot.driven() < kDriven_m; ++tick) {
+    if (!kidnapped && robot.driven() >= kidnap_at_m) {
+      kidnapped = true;
+      constexpr double kAway_m = 3.0;
+      constexpr int kTries = 100;
+      Pose2 elsewhere = ground.draw(rng);
+      for (int i = 0; i < kTries && distance(elsewhere, robot.truth()) < kAway_m; ++i) {
+        elsewhere = ground.draw(rng);
+      }
+      robot.carryTo(elsewhere);
+    }
+    localizer.process(robot.drive());
+    if (tick % kTicksPerScan != 0) continue;
+    LaserScan scan = robot.scan();
+    crowd.hideIn(scan);
+    const amcl::ScanReport report = localizer.process(scan);
+    if (tick % kTicksPerSample != 0) continue;
     LostSample sample;
-    sample.trouble = trouble_;
-    sample.evidence = localizer_->lastReport().evidence;
-    sample.probability = localizer_->lastReport().lost_probability;
-    sample.lost = distance(truth, estimate) > kLost_m ||
-                  std::abs(angleDiff(truth.phi, estimate.phi)) > kLost_rad;
+    sample.drive = number;
+    sample.driven_m = robot.driven();
+    sample.trouble = trouble;
+    sample.evidence = report.evidence;
+    sample.probability = report.lost_probability;
+    const Pose2 estimate = localizer.pose().mean;
+    sample.error_m = distance(robot.truth(), estimate);
+    sample.error_rad = std::abs(angleDiff(robot.truth().phi, estimate.phi));
+    sample.lost = sample.error_m > kLost_m || sample.error_rad > kLost_rad;
     samples.push_back(sample);
   }
-
-  sim::Scenario scenario_;
-  Trouble trouble_;
-  RandomStream rng_;
-  ekf::MapFilter odometry_;
-  Pose2 T_odom_base_;
-  std::optional<amcl::ParticleLocalizer> localizer_;
-  std::optional<sim::ScenarioRun> run_;
-  double kidnap_at_s_ = 0.0;
-  bool kidnapped_ = false;
-  bool seen_scan_ = false;
-};
+  return samples;
+}
 
 }  // namespace
 
@@ -163,52 +155,86 @@ std::string_view toString(Trouble trouble) {
 }
 
 std::vector<LostSample> sampleLost(
-    const std::string& scenario_name,
-    const std::string& scenario_folder,
-    int drives,
+    const LostPlace& place,
     const Config& config,
+    int drives,
+    std::uint64_t seed,
     const Progress& progress) {
-  const sim::Scenario scenario = sim::loadScenario(scenario_name, scenario_folder);
-  if (!scenario.site_path || scenario.world.given_maps.empty()) {
-    throw ConfigError(
-        "scenario " + scenario_name + " has no site with a given map; take office_nominal");
-  }
-  const geo::Site site = geo::loadSite(*scenario.site_path);
-  const auto map = io::loadMap(site.indoor_maps.at(0).yaml_path)
-                       .movedBy(scenario.world.given_maps.at(0).T_map_grid);
+  const Ground ground(place);
+  amcl::AmclParams params = config.amcl;
+  const std::size_t workers = threadCount(params.global.search.threads);
+  std::vector<std::vector<LostSample>> by_drive(static_cast<std::size_t>(drives));
+  runTrials(by_drive.size(), workers, progress, [&](std::size_t i, std::size_t) {
+    by_drive[i] = wanderLost(place, ground, params, static_cast<int>(i), seed);
+  });
   std::vector<LostSample> samples;
-  for (int i = 0; i < drives; ++i) {
-    Drive(scenario, map, i, config).drive(samples);
-    progress(static_cast<double>(i + 1) / drives, static_cast<double>(samples.size()));
-  }
+  for (const auto& drive : by_drive) samples.insert(samples.end(), drive.begin(), drive.end());
   return samples;
 }
 
-Reliability reliabilityOf(const std::vector<LostSample>& samples, int bins) {
+Reliability reliabilityOf(const std::vector<std::vector<LostSample>>& places, int bins) {
   Reliability result;
   result.bins.resize(static_cast<std::size_t>(bins));
-  for (const LostSample& s : samples) {
-    const auto b = std::min(bins - 1, static_cast<int>(s.probability * bins));
-    Reliability::Bin& bin = result.bins[static_cast<std::size_t>(b)];
-    ++bin.samples;
-    bin.mean_probability += s.probability;
-    bin.lost_share += s.lost ? 1.0 : 0.0;
-    result.lost_share += s.lost ? 1.0 : 0.0;
-    const double miss = s.probability - (s.lost ? 1.0 : 0.0);
-    result.brier_score += miss * miss;
+  for (const auto& samples : places) {
+    const double weight =
+        1.0 / (static_cast<double>(places.size()) * static_cast<double>(samples.size()));
+    for (const LostSample& s : samples) {
+      const auto b = std::min(bins - 1, static_cast<int>(s.probability * bins));
+      Reliability::Bin& bin = result.bins[static_cast<std::size_t>(b)];
+      const double lost = s.lost ? 1.0 : 0.0;
+      bin.weight += weight;
+      bin.mean_probability += weight * s.probability;
+      bin.lost_share += weight * lost;
+      result.lost_share += weight * lost;
+      result.brier_score += weight * (s.probability - lost) * (s.probability - lost);
+    }
   }
-  const auto n = std::max<double>(1.0, static_cast<double>(samples.size()));
   for (Reliability::Bin& bin : result.bins) {
-    if (bin.samples == 0) continue;
-    const auto count = static_cast<double>(bin.samples);
-    bin.mean_probability /= count;
-    bin.lost_share /= count;
-    result.expected_calibration_error +=
-        count / n * std::abs(bin.mean_probability - bin.lost_share);
+    if (bin.weight == 0.0) continue;
+    result.expected_calibration_error += std::abs(bin.mean_probability - bin.lost_share);
+    bin.mean_probability /= bin.weight;
+    bin.lost_share /= bin.weight;
   }
-  result.lost_share /= n;
-  result.brier_score /= n;
+  const double of_mean = result.lost_share * (1.0 - result.lost_share);
+  if (of_mean > 0.0) result.skill = 1.0 - result.brier_score / of_mean;
   return result;
+}
+
+amcl::LostFeatures fitLostModel(const std::vector<std::vector<LostSample>>& places) {
+  constexpr int kSteps = 30;
+  constexpr double kPull = 1e-4;
+  using Hessian = Eigen::
+      Matrix<double, amcl::LostFeatures::RowsAtCompileTime, amcl::LostFeatures::RowsAtCompileTime>;
+  amcl::LostFeatures weights = amcl::LostFeatures::Zero();
+  for (int step = 0; step < kSteps; ++step) {
+    Hessian H = kPull * Hessian::Identity();
+    amcl::LostFeatures g = -kPull * weights;
+    for (const auto& samples : places) {
+      const double share =
+          1.0 / (static_cast<double>(places.size()) * static_cast<double>(samples.size()));
+      for (const LostSample& s : samples) {
+        const amcl::LostFeatures f = amcl::lostFeatures(s.evidence);
+        const double p = amcl::lostProbability(weights, f);
+        g += share * ((s.lost ? 1.0 : 0.0) - p) * f;
+        H += share * p * (1.0 - p) * f * f.transpose();
+      }
+    }
+    weights += H.ldlt().solve(g);
+  }
+  return weights;
+}
+
+std::vector<std::vector<LostSample>> judgedByOthers(std::vector<std::vector<LostSample>> places) {
+  const std::vector<std::vector<LostSample>> measured = places;
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    auto others = measured;
+    others.erase(others.begin() + static_cast<std::ptrdiff_t>(i));
+    const amcl::LostFeatures weights = fitLostModel(others);
+    for (LostSample& s : places[i]) {
+      s.probability = amcl::lostProbability(weights, amcl::lostFeatures(s.evidence));
+    }
+  }
+  return places;
 }
 
 }  // namespace vestibule::pipeline

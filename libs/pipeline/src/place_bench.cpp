@@ -1,12 +1,12 @@
 #include "vestibule/pipeline/place_bench.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <cmath>
-#include <limits>
-#include <set>
+#include <filesystem>
+#include <map>
 
+#include "trials.hpp"
 #include "vestibule/amcl/localizer.hpp"
 #include "vestibule/amcl/tell_apart.hpp"
 #include "vestibule/core/errors.hpp"
@@ -16,8 +16,10 @@
 #include "vestibule/grid/ray_caster.hpp"
 #include "vestibule/io/map_io.hpp"
 #include "vestibule/sim/given_map.hpp"
+#include "vestibule/sim/lidar.hpp"
 #include "vestibule/sim/world.hpp"
 #include "vestibule/sim/world_geometry.hpp"
+#include "wanderer.hpp"
 
 namespace vestibule::pipeline {
 namespace {
@@ -25,278 +27,9 @@ namespace {
 constexpr double kAllowed_m = 20.0;
 constexpr double kRight_m = 0.3;
 constexpr double kRight_rad = degToRad(5.0);
-constexpr double kRadius_m = 0.35;  // of the robot
-constexpr double kTick_s = 0.1;
+constexpr double kLidarHeight_m = 0.4;
 constexpr int kMaxTicks = 3000;
 constexpr int kTicksPerScan = 2;
-constexpr double kSpeed_mps = 0.5;
-constexpr double kTurn_radps = degToRad(60.0);
-
-/// Where a robot can go, by the map and in truth: one connected part.
-class Ground {
- public:
-  explicit Ground(const LostPlace& place) : map_(*place.map), open_(cellCount(), 0) {
-    for (std::size_t i = 0; i < open_.size(); ++i) {
-      const int ix = static_cast<int>(i % width());
-      const int iy = static_cast<int>(i / width());
-      const Point2 p = centreOf(i);
-      open_[i] = map_.cell(ix, iy) == grid::Cell::kFree && place.inside(p) &&
-                         place.clearance(p) > kRadius_m
-                     ? 1
-                     : 0;
-    }
-    std::vector<char> unseen = open_;
-    for (std::size_t i = 0; i < unseen.size(); ++i) {
-      if (unseen[i] == 0) continue;
-      std::vector<std::size_t> part{i};
-      unseen[i] = 0;
-      for (std::size_t next = 0; next < part.size(); ++next) {
-        forNeighbours(part[next], [&](std::size_t j) {
-          if (unseen[j] == 0) return;
-          unseen[j] = 0;
-          part.push_back(j);
-        });
-      }
-      if (part.size() > cells_.size()) cells_ = std::move(part);
-    }
-    if (cells_.empty()) {
-      throw InputError(place.name + ": no free place in this map that a robot fits into");
-    }
-    std::fill(open_.begin(), open_.end(), 0);
-    for (const std::size_t i : cells_) open_[i] = 1;
-  }
-
-  [[nodiscard]] Pose2 draw(RandomStream& rng) const {
-    const Point2 p = centreOf(drawCell(rng));
-    return {p.x, p.y, rng.uniform(-kPi, kPi)};
-  }
-  [[nodiscard]] std::size_t drawCell(RandomStream& rng) const {
-    return cells_[static_cast<std::size_t>(rng.uniform() * static_cast<double>(cells_.size()))];
-  }
-  /// Steps to the goal from every cell; -1 where it cannot be reached.
-  [[nodiscard]] std::vector<int> stepsTo(std::size_t goal) const {
-    std::vector<int> steps(open_.size(), -1);
-    std::vector<std::size_t> front{goal};
-    steps[goal] = 0;
-    for (std::size_t next = 0; next < front.size(); ++next) {
-      forNeighbours(front[next], [&](std::size_t j) {
-        if (open_[j] == 0 || steps[j] >= 0) return;
-        steps[j] = steps[front[next]] + 1;
-        front.push_back(j);
-      });
-    }
-    return steps;
-  }
-  /// A point some way down the steps from the cell nearest to p; empty at the goal.
-  [[nodiscard]] std::optional<Point2> ahead(const std::vector<int>& steps, const Point2& p) const {
-    std::size_t i = nearestOpen(p);
-    const int wanted = steps[i] - static_cast<int>(0.5 / map_.resolution());
-    if (wanted <= 0) return std::nullopt;
-    while (steps[i] > wanted) {
-      std::size_t best = i;
-      forNeighbours(i, [&](std::size_t j) {
-        if (steps[j] >= 0 && steps[j] < steps[best]) best = j;
-      });
-      i = best;
-    }
-    return centreOf(i);
-  }
-  /// A point a little on the way to another near one, around what stands between; empty when that
-  /// is blocked or reached.
-  [[nodiscard]] std::optional<Point2> towards(const Point2& from, const Point2& to) const {
-    constexpr double kAround_m = 1.5;
-    constexpr double kNearer_m = 0.1;
-    struct Reached {
-      std::size_t cell;
-      std::size_t before;  // in the list
-      int steps;
-    };
-    std::vector<Reached> reached{{nearestOpen(from), 0, 0}};
-    std::set<std::size_t> seen{reached.front().cell};
-    const auto off = [&](std::size_t i) {
-      return std::hypot(centreOf(i).x - to.x, centreOf(i).y - to.y);
-    };
-    std::size_t best = 0;
-    for (std::size_t next = 0; next < reached.size(); ++next) {
-      const Reached at = reached[next];
-      if (off(at.cell) < off(reached[best].cell)) best = next;
-      if (at.steps * map_.resolution() > kAround_m) continue;
-      forNeighbours(at.cell, [&](std::size_t j) {
-        if (open_[j] != 0 && seen.insert(j).second) reached.push_back({j, next, at.steps + 1});
-      });
-    }
-    if (off(reached[best].cell) > off(reached.front().cell) - kNearer_m) return std::nullopt;
-    while (!straight(reached.front().cell, reached[best].cell)) best = reached[best].before;
-    return centreOf(reached[best].cell);
-  }
-
- private:
-  /// Whether all cells on the line between two are open, but for the first.
-  [[nodiscard]] bool straight(std::size_t from, std::size_t to) const {
-    const auto x = [&](std::size_t i) { return static_cast<double>(i % width()); };
-    const auto y = [&](std::size_t i) { return static_cast<double>(i / width()); };
-    const double steps = 2.0 * std::max(std::abs(x(to) - x(from)), std::abs(y(to) - y(from)));
-    for (double k = 1.0; k <= steps; ++k) {
-      const double u = x(from) + k / steps * (x(to) - x(from));
-      const double v = y(from) + k / steps * (y(to) - y(from));
-      const auto i = static_cast<std::size_t>(std::lround(v)) * width() +
-                     static_cast<std::size_t>(std::lround(u));
-      if (open_[i] == 0 && i != from) return false;
-    }
-    return true;
-  }
-  [[nodiscard]] std::size_t width() const { return static_cast<std::size_t>(map_.width()); }
-  [[nodiscard]] std::size_t cellCount() const {
-    return width() * static_cast<std::size_t>(map_.height());
-  }
-  [[nodiscard]] Point2 centreOf(std::size_t i) const {
-    return transform(
-        map_.T_map_grid(),
-        {map_.corner().x + (static_cast<double>(i % width()) + 0.5) * map_.resolution(),
-         map_.corner().y + (static_cast<double>(i / width()) + 0.5) * map_.resolution()});
-  }
-  template <class Visit>
-  void forNeighbours(std::size_t i, const Visit& visit) const {
-    const std::size_t ix = i % width();
-    if (ix > 0) visit(i - 1);
-    if (ix + 1 < width()) visit(i + 1);
-    if (i >= width()) visit(i - width());
-    if (i + width() < open_.size()) visit(i + width());
-  }
-  [[nodiscard]] std::size_t nearestOpen(const Point2& p_map) const {
-    const Point2 p = transform(inverse(map_.T_map_grid()), p_map);
-    const int cx = static_cast<int>(std::floor((p.x - map_.corner().x) / map_.resolution()));
-    const int cy = static_cast<int>(std::floor((p.y - map_.corner().y) / map_.resolution()));
-    std::size_t best = cells_.front();
-    double best_d2 = std::numeric_limits<double>::max();
-    constexpr int kAround = 12;
-    for (int iy = std::max(0, cy - kAround); iy <= std::min(map_.height() - 1, cy + kAround);
-         ++iy) {
-      for (int ix = std::max(0, cx - kAround); ix <= std::min(map_.width() - 1, cx + kAround);
-           ++ix) {
-        const std::size_t i = static_cast<std::size_t>(iy) * width() + static_cast<std::size_t>(ix);
-        const double d2 = (ix - cx) * (ix - cx) + (iy - cy) * (iy - cy);
-        if (open_[i] == 0 || d2 >= best_d2) continue;
-        best = i;
-        best_d2 = d2;
-      }
-    }
-    return best;
-  }
-
-  const grid::OccupancyMap& map_;
-  std::vector<char> open_;
-  std::vector<std::size_t> cells_;  // the open ones
-};
-
-/// A robot that goes where it is told, or else from one random place to the next, and never touches
-/// anything.
-class Wanderer {
- public:
-  Wanderer(
-      const LostPlace& place,
-      const Ground& ground,
-      const Pose2& T_map_base,
-      const RandomStream& rng)
-      : place_(place), ground_(ground), truth_(T_map_base), rng_(rng) {
-    range_max_m_ = rng_.uniform(10.0, 12.0);
-    outliers_ = rng_.uniform(0.10, 0.15);
-    scale_ = rng_.normal(1.0, 0.03);
-    yaw_scale_ = rng_.normal(1.0, 0.03);
-    yaw_drift_per_m_ = rng_.normal(0.0, degToRad(1.0));
-  }
-
-  [[nodiscard]] const Pose2& truth() const { return truth_; }
-  [[nodiscard]] double driven() const { return driven_m_; }
-  [[nodiscard]] Timestamp time() const { return time_; }
-  /// Carried elsewhere without noticing.
-  void carryTo(const Pose2& T_map_base) {
-    truth_ = T_map_base;
-    steps_.clear();
-  }
-
-  /// Whether the last tick's goal could not be come nearer to.
-  [[nodiscard]] bool blocked() const { return blocked_; }
-
-  /// One tick of driving and what the wheels say of it.
-  /// \param goal_base near; empty = wander
-  WheelOdometry drive(const std::optional<Point2>& goal_base = {}) {
-    blocked_ = false;
-    const Pose2 step = goal_base ? stepTowards(*goal_base) : nextStep();
-    truth_ = compose(truth_, step);
-    driven_m_ += step.x;
-    time_ = time_ + durationFromSeconds(kTick_s);
-    WheelOdometry odometry;
-    odometry.stamp = time_;
-    odometry.dt_s = kTick_s;
-    odometry.T_previous_now = {
-        step.x * (scale_ + rng_.normal(0.0, 0.05)),
-        step.x * rng_.normal(0.0, 0.02),
-        step.phi * (yaw_scale_ + rng_.normal(0.0, 0.05)) + step.x * yaw_drift_per_m_ +
-            step.x * rng_.normal(0.0, degToRad(2.0))};
-    return odometry;
-  }
-
-  LaserScan scan() {
-    LaserScan scan;
-    scan.stamp = time_;
-    scan.T_base_laser = {0.1, 0.0, 0.0};
-    scan.angle_min_rad = -0.75 * kPi;
-    scan.angle_step_rad = kRadPerDeg;
-    scan.range_min_m = 0.05;
-    scan.range_max_m = range_max_m_;
-    const Pose2 T_map_laser = compose(truth_, scan.T_base_laser);
-    for (int i = 0; i <= 270; ++i) {
-      const double yaw = T_map_laser.phi + scan.angle(static_cast<std::size_t>(i));
-      double range = place_.ray({T_map_laser.x, T_map_laser.y}, yaw, range_max_m_);
-      if (rng_.bernoulli(outliers_)) range = rng_.uniform(0.2, std::max(0.3, range));
-      range = range < range_max_m_ ? std::max(0.05, range + rng_.normal(0.0, 0.02))
-                                   : std::numeric_limits<double>::infinity();
-      scan.ranges_m.push_back(static_cast<float>(range));
-    }
-    return scan;
-  }
-
- private:
-  Pose2 stepTowards(const Point2& goal_base) {
-    steps_.clear();
-    const auto target = ground_.towards({truth_.x, truth_.y}, transform(truth_, goal_base));
-    blocked_ = !target;
-    return target ? stepTo(*target) : Pose2{};
-  }
-
-  Pose2 nextStep() {
-    if (steps_.empty()) steps_ = ground_.stepsTo(ground_.drawCell(rng_));
-    const auto target = ground_.ahead(steps_, {truth_.x, truth_.y});
-    if (!target) {
-      steps_.clear();  // arrived
-      return {};
-    }
-    return stepTo(*target);
-  }
-
-  [[nodiscard]] Pose2 stepTo(const Point2& target) const {
-    const double bearing =
-        angleDiff(std::atan2(target.y - truth_.y, target.x - truth_.x), truth_.phi);
-    const double turn = std::clamp(bearing, -kTurn_radps * kTick_s, kTurn_radps * kTick_s);
-    const double forward = std::abs(bearing) < degToRad(30.0) ? kSpeed_mps * kTick_s : 0.0;
-    return {forward, 0.0, turn};
-  }
-
-  const LostPlace& place_;
-  const Ground& ground_;
-  Pose2 truth_;
-  RandomStream rng_;
-  double range_max_m_ = 10.0;
-  double outliers_ = 0.1;
-  double scale_ = 1.0;
-  double yaw_scale_ = 1.0;
-  double yaw_drift_per_m_ = 0.0;
-  double driven_m_ = 0.0;
-  std::vector<int> steps_;  // to the present goal
-  bool blocked_ = false;
-  Timestamp time_;
-};
 
 /// Leads a robot that is not sure to where its candidates would see different things. Knows what
 /// the robot knows: the map, its candidates and its odometry.
@@ -481,26 +214,11 @@ LostTrial kidnapFrom(
   return trial;
 }
 
-/// Calls body(i, worker) for all trials side by side.
-template <class Body>
-void runTrials(std::size_t n, std::size_t workers, const Progress& progress, const Body& body) {
-  std::atomic<std::size_t> next{0};
-  std::atomic<std::size_t> done{0};
-  parallelFor(workers, workers, [&](std::size_t worker) {
-    for (std::size_t i = next++; i < n; i = next++) {
-      body(i, worker);
-      ++done;
-      // The first worker is the caller's thread, which may draw.
-      if (worker == 0) progress(static_cast<double>(done) / static_cast<double>(n), 0.0);
-    }
-  });
-}
-
 }  // namespace
 
 LostPlace changedMap(const std::string& map_path, std::uint64_t seed) {
   LostPlace place;
-  place.name = map_path;
+  place.name = std::filesystem::path(map_path).stem().string();
   const auto map = std::make_shared<const grid::OccupancyMap>(io::loadMap(map_path));
   amcl::requireUsable(*map, map_path);
   place.map = map;
@@ -542,22 +260,53 @@ LostPlace changedMap(const std::string& map_path, std::uint64_t seed) {
   return place;
 }
 
-LostPlace simulatedWorld(const std::string& world_path) {
+std::vector<LostPlace> simulatedWorld(const std::string& world_path) {
   const sim::World world = sim::loadWorld(world_path);
-  LostPlace place;
-  place.name = world_path;
-  place.map =
-      std::make_shared<const grid::OccupancyMap>(sim::surveyMap(world, sim::givenMapOf(world)));
   const auto geometry = std::make_shared<const sim::WorldGeometry>(world);
-  place.clearance = [geometry](const Point2& p) { return geometry->clearance(p); };
   const bool any_roof = !world.buildings.empty();
-  place.inside = [geometry, any_roof](const Point2& p) {
-    return !any_roof || geometry->distanceToRoofs(p) < 0.0;
-  };
-  place.ray = [geometry](const Point2& p, double yaw, double max) {
-    return geometry->castRay(p, yaw, max);
-  };
-  return place;
+  const std::string name = std::filesystem::path(world_path).stem().string();
+  if (world.given_maps.empty()) {
+    throw ConfigError(world_path + ": this world has no given map to be lost in");
+  }
+  std::vector<LostPlace> places;
+  for (const sim::GivenMap& given : world.given_maps) {
+    LostPlace place;
+    place.name = world.given_maps.size() > 1 ? name + " " + given.name : name;
+    place.map = std::make_shared<const grid::OccupancyMap>(sim::surveyMap(world, given));
+    place.clearance = [geometry](const Point2& p) { return geometry->clearance(p); };
+    place.inside = [geometry, any_roof](const Point2& p) {
+      return !any_roof || geometry->distanceToRoofs(p) < 0.0;
+    };
+    place.ray = [geometry](const Point2& p, double yaw, double max) {
+      const Eigen::Vector3d origin(p.x, p.y, geometry->groundHeight(p) + kLidarHeight_m);
+      const Eigen::Vector3d direction(std::cos(yaw), std::sin(yaw), 0.0);
+      const sim::Moment nothing_moves;
+      sim::RayHit hit = geometry->castRay(nothing_moves, origin, direction, max);
+      if (hit.hit && hit.material == sim::Material::kGlass) {
+        hit = sim::throughGlass(*geometry, nothing_moves, origin, direction, hit, max);
+      }
+      return hit.range_m;
+    };
+    places.push_back(std::move(place));
+  }
+  return places;
+}
+
+std::vector<LostPlace> lostPlaces(
+    const std::vector<std::string>& map_paths,
+    const std::vector<std::string>& world_paths,
+    std::uint64_t seed) {
+  std::vector<LostPlace> places;
+  for (const std::string& path : map_paths) places.push_back(changedMap(path, seed));
+  for (const std::string& path : world_paths) {
+    for (LostPlace& place : simulatedWorld(path)) places.push_back(std::move(place));
+  }
+  std::map<std::string, int> seen;
+  for (LostPlace& place : places) {
+    const int before = seen[place.name]++;
+    if (before > 0) place.name += " " + std::to_string(before + 1);
+  }
+  return places;
 }
 
 std::vector<LostTrial> benchGlobal(
@@ -567,7 +316,7 @@ std::vector<LostTrial> benchGlobal(
     std::uint64_t seed,
     const Progress& progress) {
   const Ground ground(place);
-  const amcl::TellApart tell_apart(place.map, kRadius_m, config.amcl.global);
+  const amcl::TellApart tell_apart(place.map, kWandererRadius_m, config.amcl.global);
   amcl::GlobalParams params = config.amcl.global;
   const std::size_t workers = threadCount(params.search.threads);
   params.search.threads = 1;  // the trials themselves run side by side
@@ -591,7 +340,7 @@ std::vector<LostTrial> benchKidnap(
     std::uint64_t seed,
     const Progress& progress) {
   const Ground ground(place);
-  const amcl::TellApart tell_apart(place.map, kRadius_m, config.amcl.global);
+  const amcl::TellApart tell_apart(place.map, kWandererRadius_m, config.amcl.global);
   amcl::AmclParams params = config.amcl;
   const std::size_t workers = threadCount(params.global.search.threads);
   params.global.search.threads = 1;

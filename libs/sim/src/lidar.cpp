@@ -60,12 +60,8 @@ class Beam {
     if (fate < echo_.drop_out) return std::nullopt;
     RayHit hit = geometry_.castRay(moment_, origin, direction, echo_.range_max_m);
     if (hit.hit && hit.material == Material::kGlass) {
-      const bool head_on = hit.cos_incidence > std::cos(kHeadOn_rad);
-      if (!head_on && material_fate < echo_.glass_pass) {
-        const double skipped_m = hit.range_m + kBehindGlass_m;
-        hit = geometry_.castRay(
-            moment_, origin + skipped_m * direction, direction, echo_.range_max_m - skipped_m);
-        hit.range_m += skipped_m;
+      if (material_fate < echo_.glass_pass) {
+        hit = throughGlass(geometry_, moment_, origin, direction, hit, echo_.range_max_m);
       }
     }
     if (fate < echo_.drop_out + echo_.outliers) {
@@ -111,6 +107,21 @@ class Beam {
 };
 
 }  // namespace
+
+RayHit throughGlass(
+    const WorldGeometry& geometry,
+    const Moment& moment,
+    const Eigen::Vector3d& origin,
+    const Eigen::Vector3d& direction,
+    const RayHit& glass,
+    double range_max_m) {
+  if (glass.cos_incidence > std::cos(kHeadOn_rad)) return glass;
+  const double skipped_m = glass.range_m + kBehindGlass_m;
+  RayHit hit =
+      geometry.castRay(moment, origin + skipped_m * direction, direction, range_max_m - skipped_m);
+  hit.range_m += skipped_m;
+  return hit;
+}
 
 void describe(ParamIo& io, LidarParams& params) {
   rateField(io, params.rate_hz);

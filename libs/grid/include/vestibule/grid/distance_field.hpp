@@ -29,8 +29,10 @@ class DistanceField {
   /// The same at a point of the *grid* frame.
   [[nodiscard]] double atGrid(const Point2& p_grid, double outside_m) const;
 
-  /// Whether an obstacle lies on the straight way, up to margin_m before its end. Grid frame.
-  [[nodiscard]] bool blocked(const Point2& from, const Point2& to, double margin_m) const;
+  /// Way [m] from a point towards another until the first obstacle, or to `beyond_m` behind that
+  /// other point when there is none before. Grid frame.
+  [[nodiscard]] double firstObstacle(
+      const Point2& from, const Point2& towards, double beyond_m) const;
 
   /// Distance between the centres of the four nearest cells, with its slope.
   struct Slope {

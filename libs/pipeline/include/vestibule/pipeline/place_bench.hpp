@@ -16,7 +16,7 @@ namespace vestibule::pipeline {
 
 /// Somewhere to be lost in: what a lidar meets there, and the map the robot was given of it.
 struct LostPlace {
-  std::string name;
+  std::string name;  ///< to show
   std::shared_ptr<const grid::OccupancyMap> map;
   /// True distance to the next obstacle: from a point, along a yaw, at most so far [m].
   std::function<double(const Point2&, double, double)> ray;
@@ -26,8 +26,16 @@ struct LostPlace {
 /// A map whose truth has changed since: about 5 % of its occupied cells are gone in patches, and as
 /// many stand as boxes where it is free.
 [[nodiscard]] LostPlace changedMap(const std::string& map_path, std::uint64_t seed);
-/// A simulated world and its given map; the robot stays under roofs where there are any.
-[[nodiscard]] LostPlace simulatedWorld(const std::string& world_path);
+/// A simulated world with each of its given maps; the robot stays under roofs where there are any.
+/// Lidars look through glass. Throws ConfigError for a world without given maps.
+[[nodiscard]] std::vector<LostPlace> simulatedWorld(const std::string& world_path);
+
+/// The places of all maps and worlds, named by their files; of equal names all but the first get
+/// numbers.
+[[nodiscard]] std::vector<LostPlace> lostPlaces(
+    const std::vector<std::string>& map_paths,
+    const std::vector<std::string>& world_paths,
+    std::uint64_t seed);
 
 /// How a trial ended. Right: within 0.3 m and 5 degrees.
 enum class LostOutcome { kRight, kWrong, kUnsure };

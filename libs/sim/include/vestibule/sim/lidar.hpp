@@ -53,6 +53,16 @@ void describe(ParamIo& io, RingLidarParams& params);
 /// True pose of the base, at a share [0, 1] of the sweep. Pose3: z of the base above the datum.
 using PoseDuring = std::function<Pose3(double share)>;
 
+/// What a beam meets behind the glass that it has met; the glass itself when that is met nearly
+/// head-on. \pre direction has unit length
+[[nodiscard]] RayHit throughGlass(
+    const WorldGeometry& geometry,
+    const Moment& moment,
+    const Eigen::Vector3d& origin,
+    const Eigen::Vector3d& direction,
+    const RayHit& glass,
+    double range_max_m);
+
 /// One sweep; beam i at its own time, from the pose of that time. Stamp: the first beam.
 [[nodiscard]] LaserScan simulateScan(
     const WorldGeometry& geometry,
