@@ -638,6 +638,21 @@ SourceRef ParamIo::here(std::string_view key) const {
   return {impl_->file, lineOf(impl_->stack.back().node)};
 }
 
+std::vector<std::string> ParamIo::takeForeignKeys() {
+  std::vector<std::string> foreign;
+  if (impl_->writing || !impl_->stack.back().node.IsMap()) return foreign;
+  std::vector<std::string>& known = impl_->stack.back().known;
+  for (const auto& entry : impl_->stack.back().node) {
+    if (!entry.first.IsScalar()) continue;
+    const std::string& key = entry.first.Scalar();
+    if (std::find(known.begin(), known.end(), key) == known.end() && !nearestWord(key, known)) {
+      foreign.push_back(key);
+    }
+  }
+  known.insert(known.end(), foreign.begin(), foreign.end());
+  return foreign;
+}
+
 void ParamIo::problem(std::string_view key, const std::string& text) {
   if (impl_->writing) return;
   impl_->add(here(key).line, key.empty() ? impl_->stack.back().path : impl_->pathOf(key), text);

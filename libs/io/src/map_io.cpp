@@ -162,6 +162,7 @@ grid::OccupancyMap loadMapServer(const std::string& path, std::vector<std::strin
                                   ? fs::path(yaml.image)
                                   : fs::path(path).parent_path() / yaml.image;
   const cv::Mat image = readImage(image_path.string(), yaml);
+  if (notes != nullptr) notes->insert(notes->end(), yaml.ignored.begin(), yaml.ignored.end());
   if (unknownWouldBeFree(image, yaml)) {
     if (notes != nullptr) {
       notes->push_back(

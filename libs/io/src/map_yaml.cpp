@@ -86,13 +86,14 @@ void describe(ParamIo& io, MapYaml& yaml) {
   }
   io.optional("occupied_thresh", yaml.occupied_thresh, within(0.0, 1.0));
   io.optional("free_thresh", yaml.free_thresh, within(0.0, 1.0));
-  // Costmap tools read this one; it says nothing about what is occupied.
-  std::string cost_table;
-  if (io.has("cost_translation_table")) io.optional("cost_translation_table", cost_table);
   io.section("georeference", yaml.georeference);
   yaml.free_thresh_ref = io.here("free_thresh");
   if (yaml.free_thresh > yaml.occupied_thresh) {
     io.problem("free_thresh", "must not be above occupied_thresh");
+  }
+  // map_server ignores what it does not know: names, dates, costmap tables.
+  for (const std::string& key : io.takeForeignKeys()) {
+    yaml.ignored.push_back(io.here(key).text() + ": " + key + ": says nothing here; ignored");
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "vestibule/core/frames.hpp"
 #include "vestibule/core/params.hpp"
@@ -23,6 +24,7 @@ struct MapYaml {
   std::optional<MapGeoreference> georeference;
   SourceRef image_ref;  ///< where the image is named
   SourceRef free_thresh_ref;
+  std::vector<std::string> ignored;  ///< keys of other programs, in words with file:line
 };
 
 void describe(ParamIo& io, MapGeoreference& georeference);

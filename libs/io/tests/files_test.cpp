@@ -223,6 +223,24 @@ TEST(MapIo, ASaversUnknownStaysUnknown) {
   EXPECT_THAT(notes[0], HasSubstr("taken as unknown (free_thresh: 0.196 says so)"));
 }
 
+TEST(MapIo, KeysOfOtherProgramsAreIgnoredAndSaid) {
+  const auto folder = testFolder();
+  writeFile(folder / "m.pgm", kPgm);
+  std::vector<std::string> notes;
+
+  const auto map = loadMap(
+      writeFile(
+          folder / "m.yaml",
+          std::string(kMapYaml) +
+              "map_id: \"7\"\ncost_translation_table: a.yaml\nlayers: {a: [1]}\n"),
+      &notes);
+
+  EXPECT_GT(map.width(), 0);
+  ASSERT_EQ(notes.size(), 3U);
+  EXPECT_THAT(notes[0], HasSubstr("m.yaml:7: map_id: "));
+  EXPECT_THAT(notes[2], HasSubstr("layers"));
+}
+
 TEST(MapIo, APgmsWhiteIsItsOwn) {
   EXPECT_THAT(
       rowOf("trinary", "r.pgm", "P2\n# by hand\n3 1\n100\n0 50 100", false),

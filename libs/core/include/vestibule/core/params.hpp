@@ -170,6 +170,9 @@ class ParamIo {
   void elements(std::vector<double>& values, std::size_t min_size, std::size_t max_size);
   /// File and line of the current node (of `key` in it where given and present).
   [[nodiscard]] SourceRef here(std::string_view key = {}) const;
+  /// Keys of this mapping that nobody has asked for so far, for files that other programs write
+  /// into, too: they are no problem then. What looks like a misspelt known key is not among them.
+  [[nodiscard]] std::vector<std::string> takeForeignKeys();
   /// Records a problem found by the caller, e.g. one that involves two fields.
   void problem(std::string_view key, const std::string& text);
 
