@@ -87,6 +87,7 @@ gui_headless::ReportSection runMissionCommand(
     const MissionArguments& args, RunOutput& output, pipeline::MissionResult& result) {
   const pipeline::Config config = missionConfig(args);
   const auto setup = pipeline::loadMissionSetup(args.mission, args.world, config);
+  for (const std::string& note : setup.map_notes) std::fprintf(stderr, "%s\n", note.c_str());
   const sim::WorldGeometry geometry(setup.world);
 
   gui_headless::Scene scene;

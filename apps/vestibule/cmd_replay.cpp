@@ -73,7 +73,9 @@ gui_headless::ReportSection runReplay(
 
   gui_headless::Scene scene;
   scene.site = &site;
-  const auto maps = pipeline::loadIndoorMaps(site);
+  std::vector<std::string> map_notes;
+  const auto maps = pipeline::loadIndoorMaps(site, &map_notes);
+  for (const std::string& note : map_notes) std::fprintf(stderr, "%s\n", note.c_str());
   for (const auto& map : maps) scene.prior_maps.push_back(map.get());
   scene.gnss_fixes = result.fixes;
   scene.reference = asReference(reference);

@@ -159,7 +159,7 @@ MissionSetup loadMissionSetup(
         world_path + ": datum: the world lies " + std::to_string(std::lround(apart_m / 1000.0)) +
         " km from the site " + setup.site.file + " of the mission; use a world of that site");
   }
-  setup.maps = loadIndoorMaps(setup.site);
+  setup.maps = loadIndoorMaps(setup.site, &setup.map_notes);
   for (const auto& map : setup.maps) {
     for (const std::string& text :
          nav::checkAgainstMap(setup.mission, *map, config.mission.footprint.half_width_m)) {

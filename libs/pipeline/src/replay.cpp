@@ -23,7 +23,7 @@ class Replay : public Observer {
       : plane_(site.datum),
         init_(T_map_base_init),
         observers_(withSelf(observers)),
-        estimator_(config, site, loadIndoorMaps(site), observers_) {}
+        estimator_(config, site, loadIndoorMaps(site, &result.notes), observers_) {}
 
   void process(const Measurement& measurement) {
     const Timestamp stamp = stampOf(measurement);
@@ -114,7 +114,8 @@ ReplayResult replay(
         ": no wheel odometry in it, which the estimator needs (see vestibule info)");
   }
   replay.finish();
-  replay.result.notes = reader->notes();
+  const std::vector<std::string> notes = reader->notes();
+  replay.result.notes.insert(replay.result.notes.end(), notes.begin(), notes.end());
   return std::move(replay.result);
 }
 

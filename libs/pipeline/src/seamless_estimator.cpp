@@ -17,10 +17,11 @@ constexpr double kMapPoseFloor_rad = degToRad(1.0);
 
 }  // namespace
 
-std::vector<std::shared_ptr<const grid::OccupancyMap>> loadIndoorMaps(const geo::Site& site) {
+std::vector<std::shared_ptr<const grid::OccupancyMap>> loadIndoorMaps(
+    const geo::Site& site, std::vector<std::string>* notes) {
   std::vector<std::shared_ptr<const grid::OccupancyMap>> maps;
   for (const geo::IndoorMap& indoor : site.indoor_maps) {
-    const grid::OccupancyMap map = io::loadMap(indoor.yaml_path);
+    const grid::OccupancyMap map = io::loadMap(indoor.yaml_path, notes);
     amcl::requireUsable(map, indoor.yaml_path);
     maps.push_back(std::make_shared<const grid::OccupancyMap>(map.movedBy(indoor.T_map_grid)));
   }

@@ -27,6 +27,7 @@ struct MissionSetup {
   sim::World world;
   sim::SimParams sim;
   std::vector<std::shared_ptr<const grid::OccupancyMap>> maps;  ///< in the site's map frame
+  std::vector<std::string> map_notes;
 };
 
 /// Throws ConfigError listing every problem: files, waypoints in walls, a world that is not at the

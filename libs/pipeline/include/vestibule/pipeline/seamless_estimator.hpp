@@ -17,8 +17,9 @@
 namespace vestibule::pipeline {
 
 /// The site's indoor maps in the site's map frame, in its order. Throws InputError.
+/// \param notes  told what loadMap() notes of them
 [[nodiscard]] std::vector<std::shared_ptr<const grid::OccupancyMap>> loadIndoorMaps(
-    const geo::Site& site);
+    const geo::Site& site, std::vector<std::string>* notes = nullptr);
 
 /// A start pose told by someone who knows the place, e.g. a surveyed charging point: good to 0.15 m
 /// and 2 deg.
