@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "scan_continuity.hpp"
+
 namespace vestibule::amcl {
 namespace {
 
@@ -65,14 +67,17 @@ struct Localizer::Impl {
   Pose2 T_map_carried;
   double carried_m = 0.0;
   double carried_rad = 0.0;
-  bool jumped = false;  // since the search began or just before
+  bool jumped = false;    // since the search began or just before
+  bool snatched = false;  // the same: the surroundings changed at once
+  ScanContinuity continuity;
+  Pose2 T_odom_base;
   // Shares of fitting beams, averaged over the way: of the last metre and of more.
   std::optional<double> recent_share;
   double usual_share = 0.0;
   double since_share_m = 0.0;
   int looks = 0;       // scans that counted in this search
   int misfits = 0;     // used scans in a row that do not fit the particles' pose
-  int fits = 0;        // and that do, while searching
+  int good_fits = 0;   // and that do, while searching
   bool blind = false;  // the last scan of a search had next to no echo
   int recoveries = 0;
   int searches_before = 0;
@@ -86,11 +91,11 @@ struct Localizer::Impl {
 
   void startTracking() {
     looking = false;
-    jumped = false;
+    jumped = snatched = false;
     searching = false;
     tracking = true;
     misfits = 0;
-    fits = 0;
+    good_fits = 0;
   }
 
   void startLooking(
@@ -100,7 +105,7 @@ struct Localizer::Impl {
     global.start(prior, zone);
     looking = true;
     looks = 0;
-    fits = 0;
+    good_fits = 0;
   }
 
   [[nodiscard]] std::optional<grid::PosePrior> lastPose() const {
@@ -117,17 +122,19 @@ struct Localizer::Impl {
     return prior;
   }
 
+  /// The more beams fit, the more may pass through what is mapped: blurred maps are like that.
+  [[nodiscard]] bool fits(const Place& place) const {
+    const double fitting = place.inlier_share / place.known_share / params.lost_inlier_share;
+    return fitting >= 1.0 && place.blocked_share <= params.recovery.max_blocked_share * fitting;
+  }
+
   /// Whether a scan fits the particles' pose, by its ends and by the free space before them. Ends
   /// where the map knows nothing say nothing: a robot may drive where nobody has mapped, and is not
   /// lost there.
   [[nodiscard]] Fit fitOf(const LaserScan& scan, const ScanReport& report) {
     const Place place = global.fitAt(scan, report.T_map_base.mean);
     if (place.known_share < kTellingShare) return Fit::kNone;
-    // The more beams fit, the more may pass through what is mapped: blurred maps are like that.
-    const double fitting = place.inlier_share / place.known_share / params.lost_inlier_share;
-    const bool good =
-        fitting >= 1.0 && place.blocked_share <= params.recovery.max_blocked_share * fitting;
-    return good && !dropped(place.inlier_share / place.known_share) ? Fit::kGood : Fit::kBad;
+    return fits(place) && !dropped(place.inlier_share / place.known_share) ? Fit::kGood : Fit::kBad;
   }
 
   /// Notes the share of a scan's beams that fit. \return whether it has become much worse
@@ -163,6 +170,10 @@ struct Localizer::Impl {
 
   /// Also takes for trusted what has only left the mapped part, or sees nothing for a while.
   void watch(const LaserScan& scan, ScanReport& report) {
+    if (continuity.breaks(scan, T_odom_base) && !fits(global.fitAt(scan, report.T_map_base.mean))) {
+      jumped = snatched = true;
+      if (!looking) startLooking(std::nullopt);
+    }
     if (report.used && jumps()) {
       jumped = true;
       if (!looking) startLooking(lastPose());
@@ -179,10 +190,10 @@ struct Localizer::Impl {
       since_fitting_m = 0.0;
       misfits = 0;
       confirmed = true;
-      ++fits;
+      ++good_fits;
       return;
     }
-    fits = 0;
+    good_fits = 0;
     if (looking || ++misfits < params.recovery.after_scans) return;
     startLooking(lastPose());
   }
@@ -238,7 +249,7 @@ struct Localizer::Impl {
       event.searches = global.searches();
       observers->emit(event);
     }
-    const bool fitted = tracking && fits >= params.recovery.after_scans;
+    const bool fitted = tracking && good_fits >= params.recovery.after_scans;
     const bool same =
         (fitted || !searching) && !places.empty() && isTracked(places.front().T_map_base.mean);
     if (global.state() == PlaceState::kSure) {
@@ -271,7 +282,7 @@ struct Localizer::Impl {
                                     : weight < kDoubted && global.state() != PlaceState::kNowhere;
       if (fitted && !jumped) {
         startTracking();
-      } else if (looks >= kLooksInDoubt && elsewhere) {
+      } else if (looks >= (snatched ? 1 : kLooksInDoubt) && elsewhere) {
         giveUp(scan, report.inlier_share);
       }
     }
@@ -301,6 +312,7 @@ void Localizer::startAt(const PoseWithCovariance& T_map_base) {
   impl_->confirmed = false;
   impl_->since_fitting_m = 0.0;
   impl_->recent_share.reset();
+  impl_->continuity.restart();
   impl_->startCarrying();
   impl_->startTracking();
 }
@@ -321,6 +333,7 @@ void Localizer::process(const WheelOdometry& odometry, YawSource yaw_source) {
   if (!isFinite(odometry.T_previous_now)) return;  // the others have said so
   if (s.T_map_fitting) s.T_map_fitting = compose(*s.T_map_fitting, odometry.T_previous_now);
   s.since_fitting_m += translationNorm(odometry.T_previous_now);
+  s.T_odom_base = compose(s.T_odom_base, odometry.T_previous_now);
   s.T_map_carried = compose(s.T_map_carried, odometry.T_previous_now);
   s.carried_m += translationNorm(odometry.T_previous_now);
   s.carried_rad += std::abs(odometry.T_previous_now.phi);

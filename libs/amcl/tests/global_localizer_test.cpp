@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "../src/scan_continuity.hpp"
 #include "matchers.hpp"
 #include "vestibule/amcl/localizer.hpp"
 #include "vestibule/core/events.hpp"
@@ -290,6 +291,68 @@ TEST(Localizer, NoticesThatItWasCarriedAwayAndFindsItself) {
   EXPECT_GT(modes.indoor, before);
   EXPECT_FALSE(localizer.searching());
   EXPECT_THAT(localizer.pose().mean, poseNear(robot.truth(), 0.1, 0.03));
+}
+
+TEST(ScanContinuity, HoldsWhileTheRobotDrivesAndTurnsAndBreaksWhenItIsCarriedAway) {
+  Robot robot(fourRooms(), {3.5, 7.2, 0.0});
+  ScanContinuity continuity;
+  Pose2 T_odom_base;
+  const auto goes = [&](const Point2& to, int steps) {
+    int breaks = 0;
+    for (int i = 0; i < steps; ++i) {
+      T_odom_base = compose(T_odom_base, robot.driveTo(to).T_previous_now);
+      breaks += continuity.breaks(robot.scan(), T_odom_base) ? 1 : 0;
+    }
+    return breaks;
+  };
+  EXPECT_EQ(goes({9.0, 7.2}, 50), 0);
+  EXPECT_EQ(goes({9.0, 4.0}, 30), 0);  // through the door
+
+  robot.T_grid_base = {20.0, 3.0, -2.0};
+  EXPECT_EQ(goes({21.0, 5.0}, 2), 1);
+
+  EXPECT_EQ(goes({21.0, 7.2}, 20), 0);  // and goes on from there
+}
+
+TEST(ScanContinuity, OneScanThatIsCoveredIsNoBreakAndNeitherIsASilentLidar) {
+  Robot robot(fourRooms(), {3.5, 7.2, 0.0});
+  ScanContinuity continuity;
+  EXPECT_FALSE(continuity.breaks(robot.scan(), {}));
+  robot.t_s += 0.1;
+  LaserScan covered = robot.scan();
+  for (float& range : covered.ranges_m) range = 0.2F;
+
+  EXPECT_FALSE(continuity.breaks(covered, {}));
+  robot.t_s += 0.1;
+  EXPECT_FALSE(continuity.breaks(robot.scan(), {}));
+
+  // The robot is elsewhere after two seconds without a scan: odometry may have led it there.
+  robot.t_s += 2.0;
+  robot.T_grid_base = {20.0, 3.0, 2.0};
+  EXPECT_FALSE(continuity.breaks(robot.scan(), {}));
+  robot.t_s += 0.1;
+  EXPECT_FALSE(continuity.breaks(robot.scan(), {}));
+}
+
+TEST(Localizer, SearchesAsSoonAsTheSurroundingsChangeAtOnce) {
+  // GIVEN a tracked robot in the corridor
+  Robot robot(fourRooms(), {3.5, 7.2, 0.0});
+  AmclParams params;
+  params.global = oneThread();
+  Localizer localizer(params, robot.map, 5);
+  localizer.startAt({robot.truth(), Eigen::Vector3d(0.02, 0.02, 0.005).asDiagonal()});
+  robot.goTo({9.0, 7.2}, localizer);
+  ASSERT_FALSE(localizer.searching());
+
+  // WHEN it is carried into a room and has gone on by less than half a metre
+  robot.T_grid_base = {20.0, 3.0, -2.0};
+  for (int i = 0; i < 4; ++i) {
+    localizer.process(robot.driveTo({21.0, 5.0}));
+    localizer.process(robot.scan());
+  }
+
+  // THEN it does not claim to know where it is
+  EXPECT_TRUE(localizer.searching());
 }
 
 TEST(Localizer, DoubtsAJumpIntoAnEqualRoom) {
