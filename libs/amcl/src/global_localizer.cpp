@@ -29,8 +29,14 @@ constexpr double kForgetBelow = 40.0;
 constexpr std::size_t kMaxPlaces = 60;
 // Points of the last so many metres make up a search: odometry bends longer drives too much.
 constexpr double kSearchSpan_m = 3.0;
-// Places with a smaller share of inliers are none.
+// Places with a smaller share of inliers are none, of the beams that end where the map knows
+// something, and of so many of them at least.
 constexpr double kHopelessInliers = 0.3;
+constexpr double kLeastKnown = 0.3;
+// Where the map knows less than this of what the best place sees, the true one may see even less
+// that is known: then ends in unknown cells get a score in the search, too.
+constexpr double kWellKnown = 0.85;
+constexpr double kUnknownScore = 0.35;
 // Shares of fitting beams that differ by less say the same.
 constexpr double kFitsAsWell = 0.03;
 // A place must be so much more likely when another one fits more of the beams.
@@ -63,6 +69,7 @@ struct Hypothesis {
   std::vector<double> strain;     // half the squared Mahalanobis distance to odometry, per key
   double log_evidence = 0.0;
   double inlier_share = 0.0;
+  double known_share = 0.0;
   double blocked_share = 0.0;
 };
 
@@ -90,6 +97,7 @@ struct GlobalLocalizer::Impl {
   std::shared_ptr<const grid::OccupancyMap> map;
   ScanFitter fitter;
   grid::ScoreField field;
+  grid::ScoreField lenient_field;
   grid::BaseMask free_space;
   grid::BranchAndBoundMatcher matcher;
 
@@ -109,11 +117,16 @@ struct GlobalLocalizer::Impl {
       : params(p),
         map(std::move(m)),
         fitter(params, *map),
-        field(grid::ScoreField::fromDistances(
-            *map, fitter.distances(), params.sigma_m, params.cell_m, params.max_range_m)),
+        field(scoreField(0.0)),
+        lenient_field(scoreField(kUnknownScore)),
         free_space(grid::BaseMask::freeSpace(field, *map)),
         matcher(params.search),
         seen(params.surface_m) {}
+
+  [[nodiscard]] grid::ScoreField scoreField(double unknown_score) const {
+    return grid::ScoreField::fromDistances(
+        *map, fitter.distances(), params.sigma_m, params.cell_m, params.max_range_m, unknown_score);
+  }
 
   [[nodiscard]] ScanEnds endsOf(const LaserScan& scan) const {
     return spreadEnds(scan, params.max_range_m, kEndSpacing_m, kEndsPerKey, params.small_m);
@@ -244,7 +257,13 @@ struct GlobalLocalizer::Impl {
     std::optional<grid::PosePrior> ranking;
     if (prior && travelled_m == 0.0) ranking = prior;
     if (ranking) ranking->weight = kPriorScorePerNis;
-    add(matcher.match(field, searchPoints(), window(), &free_space, ranking));
+    const std::vector<Point2> points = searchPoints();
+    add(matcher.match(field, points, window(), &free_space, ranking));
+    rank();
+    if (hypotheses.empty() || hypotheses.front().known_share < kWellKnown) {
+      add(matcher.match(lenient_field, points, window(), &free_space, ranking));
+      rank();
+    }
   }
 
   /// Looks again about the best place: in drawing on from key to key it may have come off.
@@ -279,12 +298,12 @@ struct GlobalLocalizer::Impl {
   void rank() {
     for (Hypothesis& h : hypotheses) {
       h.log_evidence = ofThings(h);
-      h.inlier_share = 0.0;
-      h.blocked_share = 0.0;
+      h.inlier_share = h.known_share = h.blocked_share = 0.0;
       const auto n = static_cast<double>(h.fits.size());
       for (std::size_t k = 0; k < h.fits.size(); ++k) {
         h.log_evidence += h.fits[k].log_likelihood - h.strain[k];
         h.inlier_share += h.fits[k].inlier_share / n;
+        h.known_share += h.fits[k].known_share / n;
         h.blocked_share += h.fits[k].blocked_share / n;
       }
       if (prior) {
@@ -300,7 +319,7 @@ struct GlobalLocalizer::Impl {
     std::vector<Hypothesis> kept;
     for (Hypothesis& h : hypotheses) {
       if (kept.size() == kMaxPlaces) break;
-      if (h.inlier_share < kHopelessInliers) continue;
+      if (h.inlier_share < kHopelessInliers * std::max(h.known_share, kLeastKnown)) continue;
       if (!kept.empty() && h.log_evidence < kept.front().log_evidence - kForgetBelow) break;
       const bool is_double = std::any_of(kept.begin(), kept.end(), [&](const Hypothesis& other) {
         return same(other.T_map_base.mean, h.T_map_base.mean);
@@ -396,7 +415,6 @@ bool GlobalLocalizer::process(const LaserScan& scan) {
   const bool due = s.searches == 0 || s.travelled_m - s.searched_at_m >= wait_m;
   if (due && s.state() != PlaceState::kSure) {
     s.search();
-    s.rank();
   }
   if (s.state() == PlaceState::kSure) {
     s.searchAroundBest();

@@ -179,6 +179,38 @@ TEST(GlobalLocalizer, FindsNothingWhereTheScansDoNotFit) {
   EXPECT_NE(localizer.state(), PlaceState::kSure);
 }
 
+TEST(GlobalLocalizer, ConsidersAPlaceFromWhichMostOfTheViewIsNotMapped) {
+  // GIVEN a map that ends in the middle of the first room, and a robot that looks out of it
+  const auto all = fourRooms();
+  std::vector<grid::Cell> cells;
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      cells.push_back(x < 65 && y < 122 ? all->cell(x, y) : grid::Cell::kUnknown);
+    }
+  }
+  const auto part = std::make_shared<const grid::OccupancyMap>(grid::OccupancyMap::fromCells(
+      kWidth, kHeight, kResolution, {0, 0}, cells, all->T_map_grid()));
+  Robot robot(all, {2.5, 2.2, 0.3});
+  GlobalLocalizer localizer(oneThread(), part);
+  localizer.start();
+  const auto has_truth = [&] {
+    const auto places = localizer.places();
+    return std::any_of(places.begin(), places.end(), [&](const Place& place) {
+      return distance(place.T_map_base.mean, robot.truth()) < 0.3;
+    });
+  };
+
+  // WHEN it drives about there
+  localizer.process(robot.scan());
+  const bool found_at_once = has_truth();
+  robot.goTo({3.0, 4.0}, localizer);
+
+  // THEN the true place is a candidate, at once and after the way, but nothing to be sure of
+  EXPECT_TRUE(found_at_once);
+  EXPECT_TRUE(has_truth());
+  EXPECT_NE(localizer.state(), PlaceState::kSure);
+}
+
 TEST(GlobalLocalizer, DropsWhatIsNotANumber) {
   Robot robot(fourRooms(), {8.0, 2.5, 1.0});
   GlobalLocalizer localizer(oneThread(), robot.map);

@@ -72,20 +72,22 @@ ScoreField ScoreField::fromDistances(
     const DistanceField& distances,
     double sigma_m,
     double cell_m,
-    double reach_m) {
+    double reach_m,
+    double unknown_score) {
   const int factor = std::max(1, static_cast<int>(std::lround(cell_m / map.resolution())));
   const int width = (map.width() + factor - 1) / factor;
   const int height = (map.height() + factor - 1) / factor;
   std::vector<float> scores(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   const std::vector<float>& d = distances.cells();  // empty: no obstacle, all scores stay 0
   for (std::size_t i = 0; i < d.size(); ++i) {
-    const auto ix = static_cast<int>(i % static_cast<std::size_t>(map.width())) / factor;
-    const auto iy = static_cast<int>(i / static_cast<std::size_t>(map.width())) / factor;
+    const auto ix = static_cast<int>(i % static_cast<std::size_t>(map.width()));
+    const auto iy = static_cast<int>(i / static_cast<std::size_t>(map.width()));
     float& score = scores
-        [static_cast<std::size_t>(iy) * static_cast<std::size_t>(width) +
-         static_cast<std::size_t>(ix)];
+        [static_cast<std::size_t>(iy / factor) * static_cast<std::size_t>(width) +
+         static_cast<std::size_t>(ix / factor)];
     const double u = static_cast<double>(d[i]) / sigma_m;
-    score = std::max(score, static_cast<float>(std::exp(-0.5 * u * u)));
+    const double least = map.cell(ix, iy) == Cell::kUnknown ? unknown_score : 0.0;
+    score = std::max(score, static_cast<float>(std::max(least, std::exp(-0.5 * u * u))));
   }
   const Pose2 T_map_field = compose(map.T_map_grid(), Pose2{map.corner().x, map.corner().y, 0.0});
   return {width, height, map.resolution() * factor, T_map_field, scores, reach_m};

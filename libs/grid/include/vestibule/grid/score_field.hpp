@@ -32,12 +32,14 @@ class ScoreField {
 
   /// exp(-d^2 / 2 sigma^2) of the distance to the nearest obstacle. With a `cell_m` of several map
   /// cells, each cell gets the best score among them.
+  /// \param unknown_score  least score of a cell that nobody has seen: anything may stand there
   static ScoreField fromDistances(
       const OccupancyMap& map,
       const DistanceField& distances,
       double sigma_m,
       double cell_m,
-      double reach_m);
+      double reach_m,
+      double unknown_score = 0.0);
 
   [[nodiscard]] int width() const { return width_; }
   [[nodiscard]] int height() const { return height_; }
