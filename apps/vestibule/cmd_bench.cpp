@@ -263,8 +263,7 @@ void runLost(const std::string& command, Bench bench, const Arguments& args, int
     }
     report.sections.push_back(std::move(section));
   };
-  for (const pipeline::LostPlace& place :
-       pipeline::lostPlaces(args.maps, args.worlds, args.seed)) {
+  for (const pipeline::LostPlace& place : pipeline::lostPlaces(args.maps, args.worlds, args.seed)) {
     run(place);
   }
   output.text("timing.json", timing.dump(2) + "\n");
