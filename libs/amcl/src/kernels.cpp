@@ -208,29 +208,31 @@ VESTIBULE_AVX2 void sumAvx2(
   const __m256i last_y = _mm256_set1_epi32(t.height - 1);
   const __m256i zero = _mm256_setzero_si256();
   const __m256i low_half = _mm256_set1_epi32(0xFFFF);
+  const auto look = [&](__m256i px, __m256i py, std::size_t b) VESTIBULE_AVX2 {
+    const __m256i beam_x = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(bx + b));
+    const __m256i beam_y = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(by + b));
+    __m256i ix = _mm256_srai_epi32(_mm256_add_epi32(px, beam_x), kFractionBits);
+    __m256i iy = _mm256_srai_epi32(_mm256_add_epi32(py, beam_y), kFractionBits);
+    if (!inside) {
+      ix = _mm256_min_epi32(_mm256_max_epi32(ix, zero), last_x);
+      iy = _mm256_min_epi32(_mm256_max_epi32(iy, zero), last_y);
+    }
+    const __m256i index = _mm256_add_epi32(_mm256_mullo_epi32(iy, width), ix);
+    const __m256i pair = _mm256_i32gather_epi32(reinterpret_cast<const int*>(t.values), index, 2);
+    return _mm256_and_si256(pair, low_half);
+  };
   const std::size_t whole = beams / kLanes * kLanes;
   for (std::size_t k = 0; k < count; ++k) {
     const __m256i px = _mm256_set1_epi32(x[k]);
     const __m256i py = _mm256_set1_epi32(y[k]);
     __m256i total = zero;
-    for (std::size_t b = 0; b < whole; b += kLanes) {
-      const __m256i beam_x = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(bx + b));
-      const __m256i beam_y = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(by + b));
-      __m256i ix = _mm256_srai_epi32(_mm256_add_epi32(px, beam_x), kFractionBits);
-      __m256i iy = _mm256_srai_epi32(_mm256_add_epi32(py, beam_y), kFractionBits);
-      if (!inside) {
-        ix = _mm256_min_epi32(_mm256_max_epi32(ix, zero), last_x);
-        iy = _mm256_min_epi32(_mm256_max_epi32(iy, zero), last_y);
-      }
-      const __m256i index = _mm256_add_epi32(_mm256_mullo_epi32(iy, width), ix);
-      const __m256i pair = _mm256_i32gather_epi32(reinterpret_cast<const int*>(t.values), index, 2);
-      total = _mm256_add_epi32(total, _mm256_and_si256(pair, low_half));
-    }
-    std::array<std::uint32_t, kLanes> lanes;
-    _mm256_storeu_si256(reinterpret_cast<__m256i*>(lanes.data()), total);
-    std::uint32_t all = sumOne<inside>(t, bx, by, whole, beams, x[k], y[k]);
-    for (const std::uint32_t lane : lanes) all += lane;
-    sum[k] += all;
+    for (std::size_t b = 0; b < whole; b += kLanes)
+      total = _mm256_add_epi32(total, look(px, py, b));
+    __m128i half = _mm_add_epi32(_mm256_castsi256_si128(total), _mm256_extracti128_si256(total, 1));
+    half = _mm_add_epi32(half, _mm_shuffle_epi32(half, 0x4E));
+    half = _mm_add_epi32(half, _mm_shuffle_epi32(half, 0xB1));
+    sum[k] += static_cast<std::uint32_t>(_mm_cvtsi128_si32(half)) +
+              sumOne<inside>(t, bx, by, whole, beams, x[k], y[k]);
   }
 }
 #endif

@@ -15,12 +15,32 @@ namespace {
 constexpr std::size_t kYawBins = 1800;
 constexpr std::size_t kMinPiece = 4096;  // particles worth a thread
 
+/// The least and the most of some numbers.
+struct Span {
+  std::int32_t least;
+  std::int32_t most;
+
+  Span operator+(const Span& o) const { return {least + o.least, most + o.most}; }
+  Span operator+(std::int32_t shift) const { return {least + shift, most + shift}; }
+};
+
+/// \pre n > 0
+Span spanOf(const std::int32_t* values, std::size_t n) {
+  std::int32_t least = values[0];
+  std::int32_t most = values[0];
+  for (std::size_t i = 1; i < n; ++i) {
+    least = std::min(least, values[i]);
+    most = std::max(most, values[i]);
+  }
+  return {least, most};
+}
+
 enum class Reach { kInside, kDoubtful, kOutside };
 
-/// Whether all, some or none of [least, most] lie in [0, size).
-Reach reachOf(std::int32_t least, std::int32_t most, std::int32_t size) {
-  if (most < 0 || least >= size) return Reach::kOutside;
-  return least >= 0 && most < size ? Reach::kInside : Reach::kDoubtful;
+/// Whether all, some or none of them lie in [0, size).
+Reach reachOf(const Span& span, std::int32_t size) {
+  if (span.most < 0 || span.least >= size) return Reach::kOutside;
+  return span.least >= 0 && span.most < size ? Reach::kInside : Reach::kDoubtful;
 }
 
 /// Calls work(begin, end) on pieces of [0, n) whose ends are multiples of `grain`: a few per
@@ -80,6 +100,8 @@ void ParticleSet::prediction_and_update_pfStandardProposal(
 }
 
 void ParticleSet::weigh(const std::vector<Point2>& ends) {
+  log_likelihoods_.assign(count_, 0.0);
+  if (ends.empty()) return;
   // Counting sort by yaw, then one turned scan per bin: the loop over beams only adds and loads.
   Sorted& s = sorted_;
   s.bin_of.resize(count_);
@@ -88,17 +110,16 @@ void ParticleSet::weigh(const std::vector<Point2>& ends) {
   s.y.resize(count_);
   s.sum.resize(count_);
   s.bin_begin.assign(kYawBins + 1, 0);
-  log_likelihoods_.resize(count_);
   const auto bins_per_rad = static_cast<float>(kYawBins / (2.0 * kPi));
   for (std::size_t i = 0; i < count_; ++i) {
-    const auto bin = static_cast<std::uint32_t>((yaw_[i] + static_cast<float>(kPi)) * bins_per_rad);
-    s.bin_of[i] = std::min<std::uint32_t>(bin, kYawBins - 1);
-    ++s.bin_begin[s.bin_of[i] + 1];
+    const auto bin = static_cast<std::int32_t>((yaw_[i] + static_cast<float>(kPi)) * bins_per_rad);
+    s.bin_of[i] = std::min(bin, static_cast<std::int32_t>(kYawBins) - 1);
   }
+  for (std::size_t i = 0; i < count_; ++i) ++s.bin_begin[s.bin_of[i] + 1];
   for (std::size_t b = 0; b < kYawBins; ++b) s.bin_begin[b + 1] += s.bin_begin[b];
-  std::vector<std::uint32_t> next(s.bin_begin.begin(), s.bin_begin.end() - 1);
+  s.next.assign(s.bin_begin.begin(), s.bin_begin.end() - 1);
   for (std::size_t i = 0; i < count_; ++i) {
-    const std::uint32_t k = next[s.bin_of[i]]++;
+    const std::uint32_t k = s.next[s.bin_of[i]]++;
     s.order[k] = static_cast<std::uint32_t>(i);
     s.x[k] = table_.fixedX(x_[i]);
     s.y[k] = table_.fixedY(y_[i]);
@@ -106,7 +127,17 @@ void ParticleSet::weigh(const std::vector<Point2>& ends) {
 
   const std::size_t beams = ends.size();
   const TableView table = table_.view();
+  const std::int32_t size_x = table.width << kFractionBits;
+  const std::int32_t size_y = table.height << kFractionBits;
+  std::vector<float> end_x;
+  std::vector<float> end_y;
+  for (const Point2& end : ends) {
+    end_x.push_back(static_cast<float>(end.x));
+    end_y.push_back(static_cast<float>(end.y));
+  }
   const auto weighBins = [&](std::size_t bin_from, std::size_t bin_to) {
+    std::vector<std::int32_t> turned_x(beams);
+    std::vector<std::int32_t> turned_y(beams);
     std::vector<std::int32_t> beam_x(beams);
     std::vector<std::int32_t> beam_y(beams);
     for (std::size_t b = bin_from; b < bin_to; ++b) {
@@ -116,41 +147,38 @@ void ParticleSet::weigh(const std::vector<Point2>& ends) {
       const double yaw = (static_cast<double>(b) + 0.5) * (2.0 * kPi / kYawBins) - kPi;
       const auto c = static_cast<float>(std::cos(yaw));
       const auto sn = static_cast<float>(std::sin(yaw));
-      const auto x = std::minmax_element(&s.x[from], &s.x[from] + (to - from));
-      const auto y = std::minmax_element(&s.y[from], &s.y[from] + (to - from));
-      // Beams that end in the table wherever in the bin the particle is go from the front, those
-      // that may end outside from the back. What always ends outside adds nothing: it is left out.
-      std::size_t sure = 0;
-      std::size_t doubtful = beams;
-      for (const Point2& end : ends) {
-        const auto px = static_cast<float>(end.x);
-        const auto py = static_cast<float>(end.y);
-        const std::int32_t bx = table_.fixedLength(c * px - sn * py);
-        const std::int32_t by = table_.fixedLength(sn * px + c * py);
-        const auto in_x = reachOf(*x.first + bx, *x.second + bx, table.width << kFractionBits);
-        const auto in_y = reachOf(*y.first + by, *y.second + by, table.height << kFractionBits);
-        if (in_x == Reach::kOutside || in_y == Reach::kOutside) continue;
-        const bool inside = in_x == Reach::kInside && in_y == Reach::kInside;
-        const std::size_t k = inside ? sure++ : --doubtful;
-        beam_x[k] = bx;
-        beam_y[k] = by;
+      for (std::size_t k = 0; k < beams; ++k) {
+        turned_x[k] = table_.fixedLength(c * end_x[k] - sn * end_y[k]);
+        turned_y[k] = table_.fixedLength(sn * end_x[k] + c * end_y[k]);
       }
-      const auto add = [&](std::size_t first, std::size_t last, bool inside) {
-        sumOverBeams(
-            table,
-            beam_x.data() + first,
-            beam_y.data() + first,
-            last - first,
-            &s.x[from],
-            &s.y[from],
-            to - from,
-            inside,
-            &s.sum[from],
-            simd_);
+      const Span x = spanOf(&s.x[from], to - from);
+      const Span y = spanOf(&s.y[from], to - from);
+      const auto add = [&](const std::int32_t* bx, const std::int32_t* by, std::size_t n, bool in) {
+        sumOverBeams(table, bx, by, n, &s.x[from], &s.y[from], to - from, in, &s.sum[from], simd_);
       };
       std::fill(&s.sum[from], &s.sum[from] + (to - from), 0U);
-      add(0, sure, true);
-      if (doubtful < beams) add(doubtful, beams, false);
+      const Span all_x = x + spanOf(turned_x.data(), beams);
+      const Span all_y = y + spanOf(turned_y.data(), beams);
+      if (reachOf(all_x, size_x) == Reach::kInside && reachOf(all_y, size_y) == Reach::kInside) {
+        add(turned_x.data(), turned_y.data(), beams, true);
+      } else {
+        // Beams that end in the table wherever in the bin the particle is go from the front, those
+        // that may end outside from the back. What always ends outside adds nothing: it is left
+        // out.
+        std::size_t sure = 0;
+        std::size_t doubtful = beams;
+        for (std::size_t i = 0; i < beams; ++i) {
+          const Reach in_x = reachOf(x + turned_x[i], size_x);
+          const Reach in_y = reachOf(y + turned_y[i], size_y);
+          if (in_x == Reach::kOutside || in_y == Reach::kOutside) continue;
+          const bool inside = in_x == Reach::kInside && in_y == Reach::kInside;
+          const std::size_t k = inside ? sure++ : --doubtful;
+          beam_x[k] = turned_x[i];
+          beam_y[k] = turned_y[i];
+        }
+        add(beam_x.data(), beam_y.data(), sure, true);
+        add(beam_x.data() + doubtful, beam_y.data() + doubtful, beams - doubtful, false);
+      }
       for (std::size_t k = from; k < to; ++k) {
         log_likelihoods_[s.order[k]] = table_.logLikelihood(s.sum[k], beams);
       }

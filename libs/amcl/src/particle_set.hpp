@@ -91,8 +91,9 @@ class ParticleSet : public mrpt::bayes::CParticleFilterCapable {
 
   // Room that is used again at every update.
   struct Sorted {
-    std::vector<std::uint32_t> bin_of;
+    std::vector<std::int32_t> bin_of;
     std::vector<std::uint32_t> bin_begin;
+    std::vector<std::uint32_t> next;  // free place of each bin
     std::vector<std::uint32_t> order;
     std::vector<std::int32_t> x;
     std::vector<std::int32_t> y;
