@@ -168,12 +168,16 @@ struct Localizer::Impl {
     return std::sqrt(cov(0, 0) + cov(1, 1)) < kCarriedOn_m && std::sqrt(cov(2, 2)) < kCarriedOn_rad;
   }
 
+  /// What was seen before the robot was carried off says nothing of where it is now, nor does what
+  /// was known at the start.
+  void noticeCarrying(const LaserScan& scan, const Pose2& T_map_base) {
+    if (!continuity.breaks(scan, T_odom_base) || fits(global.fitAt(scan, T_map_base))) return;
+    jumped = snatched = true;
+    startLooking(std::nullopt);
+  }
+
   /// Also takes for trusted what has only left the mapped part, or sees nothing for a while.
   void watch(const LaserScan& scan, ScanReport& report) {
-    if (continuity.breaks(scan, T_odom_base) && !fits(global.fitAt(scan, report.T_map_base.mean))) {
-      jumped = snatched = true;
-      if (!looking) startLooking(std::nullopt);
-    }
     if (report.used && jumps()) {
       jumped = true;
       if (!looking) startLooking(lastPose());
@@ -322,6 +326,7 @@ void Localizer::startAnywhere(
   impl_->T_map_fitting.reset();
   impl_->tracking = false;
   impl_->misfits = 0;
+  impl_->continuity.restart();
   impl_->startLooking(prior, zone);
   impl_->searching = true;
 }
@@ -345,8 +350,9 @@ ScanReport Localizer::process(const LaserScan& scan) {
   ScanReport report;
   if (s.tracking) {
     report = s.particles.process(scan);
-    s.watch(scan, report);
   }
+  s.noticeCarrying(scan, pose().mean);
+  if (s.tracking) s.watch(scan, report);
   if (s.looking) {
     s.search(scan, report);
     report.T_map_base = pose();
