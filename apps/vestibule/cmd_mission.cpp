@@ -31,6 +31,8 @@ void fillSummary(Json& s, const MissionArguments& args, const pipeline::MissionR
   s["duration_s"] = rounded(result.duration_s, 3);
   s["distance_m"] = rounded(result.distance_m, 3);
   s["mode_switches"] = result.mode_switches;
+  s["maps_loaded"] = result.map_changes.loaded;
+  s["maps_unloaded"] = result.map_changes.unloaded;
   s["recoveries"] = result.recoveries;
   s["correction_step_100ms"]["position_m"] = rounded(result.correction.position_m, 6);
   s["correction_step_100ms"]["yaw_deg"] = rounded(radToDeg(result.correction.yaw_rad), 6);
@@ -92,7 +94,6 @@ gui_headless::ReportSection runMissionCommand(
 
   gui_headless::Scene scene;
   scene.site = &setup.site;
-  for (const auto& map : setup.maps) scene.prior_maps.push_back(map.get());
   for (const sim::Segment& s : geometry.segments()) scene.truth_walls.emplace_back(s.a, s.b);
   for (const nav::Path& path : setup.mission.paths) {
     for (const nav::Waypoint& w : path.waypoints)
@@ -109,7 +110,9 @@ gui_headless::ReportSection runMissionCommand(
     view.waypoint = request.waypoint;
     view.robot_half_length_m = setup.sim.footprint.half_length_m;
     view.robot_half_width_m = setup.sim.footprint.half_width_m;
-    const std::string png = gui_headless::renderPhoto(view, scene);
+    gui_headless::Scene around = scene;
+    for (const auto& map : request.maps) around.prior_maps.push_back(map.get());
+    const std::string png = gui_headless::renderPhoto(view, around);
     output.picture(request.file, png);
     photos.push_back({"photo at " + request.waypoint, png});
   };
@@ -132,6 +135,8 @@ gui_headless::ReportSection runMissionCommand(
   output.trajectory(result.truth, "truth.tum");
   fillSummary(output.summary(), args, result);
 
+  const auto maps = mapsForPictures(setup.site);
+  for (const auto& map : maps) scene.prior_maps.push_back(map.get());
   auto section = gui_headless::sectionFromRun(output.recorder(), scene, args.title);
   section.figures = figuresOf(result);
   if (!section.pictures.empty()) output.picture("map.png", section.pictures.front().png);

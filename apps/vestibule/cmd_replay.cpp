@@ -7,9 +7,7 @@
 #include "run_output.hpp"
 #include "terminal.hpp"
 #include "vestibule/core/angles.hpp"
-#include "vestibule/io/map_io.hpp"
 #include "vestibule/pipeline/replay.hpp"
-#include "vestibule/pipeline/seamless_estimator.hpp"
 
 namespace vestibule::app {
 namespace {
@@ -36,6 +34,8 @@ void fillSummary(Json& s, const Arguments& args, const pipeline::ReplayResult& r
   s["ready_after_s"] = result.ready_after_s ? Json(rounded(*result.ready_after_s, 6)) : Json();
   s["waiting_for"] = result.waiting_for;
   s["mode_switches"] = result.mode_switches;
+  s["maps_loaded"] = result.map_changes.loaded;
+  s["maps_unloaded"] = result.map_changes.unloaded;
   for (const Mode mode : kModes) {
     s["share_in_mode"][std::string(toString(mode))] =
         rounded(result.share_in_mode[static_cast<std::size_t>(mode)], 6);
@@ -74,7 +74,7 @@ gui_headless::ReportSection runReplay(
   gui_headless::Scene scene;
   scene.site = &site;
   std::vector<std::string> map_notes;
-  const auto maps = pipeline::loadIndoorMaps(site, &map_notes);
+  const auto maps = mapsForPictures(site, &map_notes);
   for (const std::string& note : map_notes) std::fprintf(stderr, "%s\n", note.c_str());
   for (const auto& map : maps) scene.prior_maps.push_back(map.get());
   scene.gnss_fixes = result.fixes;

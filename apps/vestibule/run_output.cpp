@@ -1,6 +1,7 @@
 #include "run_output.hpp"
 
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
 
 #include "terminal.hpp"
@@ -53,6 +54,19 @@ void RunOutput::finish() {
   text("summary.json", summary_.dump(2) + "\n");
   checkInterrupted();
   directory_.commit();
+}
+
+std::vector<pipeline::MapPtr> mapsForPictures(
+    const geo::Site& site, std::vector<std::string>* notes) {
+  std::vector<pipeline::MapPtr> maps;
+  for (const geo::IndoorMap& indoor : site.indoor_maps) {
+    try {
+      maps.push_back(pipeline::loadIndoorMap(indoor, notes));
+    } catch (const std::runtime_error& error) {
+      std::fprintf(stderr, "not in the pictures: %s\n", error.what());
+    }
+  }
+  return maps;
 }
 
 double rounded(double value, int decimals) {

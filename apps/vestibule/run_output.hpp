@@ -16,6 +16,7 @@
 #include "vestibule/io/run_directory.hpp"
 #include "vestibule/metrics/trajectory.hpp"
 #include "vestibule/pipeline/config.hpp"
+#include "vestibule/pipeline/indoor_maps.hpp"
 #include "vestibule/sensors/measurements.hpp"
 
 namespace vestibule::app {
@@ -61,6 +62,12 @@ class RunOutput {
   Observers observers_;
   Json summary_;
 };
+
+/// The indoor maps of a site for the pictures after a run. One that cannot be read any more is
+/// missing there, and stderr says so: the run is worth more than its picture.
+/// \param notes  told what was noted of them
+[[nodiscard]] std::vector<pipeline::MapPtr> mapsForPictures(
+    const geo::Site& site, std::vector<std::string>* notes = nullptr);
 
 /// Rounds to what is worth keeping, so that a summary stays readable.
 [[nodiscard]] double rounded(double value, int decimals);

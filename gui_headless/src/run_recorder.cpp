@@ -125,6 +125,15 @@ void RunRecorder::onMode(const ModeEvent& event) {
   }
 }
 
+void RunRecorder::onMap(const MapEvent& event) {
+  see(event.stamp);
+  if (map_events_.size() < limits_.max_events) {
+    map_events_.push_back(event);
+  } else {
+    ++events_not_kept_;
+  }
+}
+
 void RunRecorder::onMission(const MissionEvent& event) {
   see(event.stamp);
   if (mission_events_.size() < limits_.max_events) {

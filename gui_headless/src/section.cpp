@@ -131,6 +131,7 @@ class SectionBuilder {
     std::vector<Table> tables;
     if (!run_.updates().empty()) tables.push_back(updateTable());
     if (!run_.modeEvents().empty()) tables.push_back(modeTable());
+    if (!run_.mapEvents().empty()) tables.push_back(mapTable());
     if (!run_.missionEvents().empty()) tables.push_back(missionTable());
     if (!run_.warnings().empty()) tables.push_back(warningTable());
     return tables;
@@ -318,6 +319,18 @@ class SectionBuilder {
            modeName(event.to),
            event.reason,
            numbers});
+    }
+    return table;
+  }
+
+  [[nodiscard]] Table mapTable() const {
+    Table table{"Indoor maps", {"t [s]", "event", "map", "distance [m]"}, {}};
+    for (const MapEvent& event : run_.mapEvents()) {
+      table.rows.push_back(
+          {fixed(since(event.stamp), 1),
+           std::string(toString(event.kind)),
+           event.map,
+           fixed(event.distance_m, 1)});
     }
     return table;
   }

@@ -73,7 +73,8 @@ TEST(Section, OfADriveWithReferenceHasErrorsEventsAndDoors) {
   for (const Table& table : section.tables) titles.push_back(table.title);
   EXPECT_EQ(
       titles,
-      (std::vector<std::string>{"Updates per sensor", "Mode changes", "Mission", "Warnings"}));
+      (std::vector<std::string>{
+          "Updates per sensor", "Mode changes", "Indoor maps", "Mission", "Warnings"}));
   EXPECT_EQ(section.tables[1].rows[0][3], "GNSS fades at the door");
   for (const Table& table : section.tables) {
     for (const auto& row : table.rows) EXPECT_EQ(row.size(), table.header.size()) << table.title;

@@ -59,6 +59,7 @@ class SyntheticRun {
     double last_switch_s = -100.0;
     scene_.reference.clear();
     scene_.gnss_fixes.clear();
+    observer.onMap({t, MapEvent::Kind::kLoaded, "stable", 12.25});
     int step = 0;
     for (std::size_t leg = 1; leg < scene_.waypoints.size(); ++leg) {
       const Pose2& from = scene_.waypoints[leg - 1].second;

@@ -125,7 +125,7 @@ const std::vector<std::pair<std::string, std::function<void(const std::string&)>
          const std::string world = shipped("config/worlds/" + site.filename().string());
          const auto setup = pipeline::loadMissionSetup(path, world, pipeline::Config{});
          EXPECT_FALSE(setup.mission.paths.empty());
-         EXPECT_EQ(setup.maps.size(), setup.site.indoor_maps.size());
+         EXPECT_EQ(setup.map_rectangles.size(), setup.site.indoor_maps.size());
        }},
       {"maps",
        [](const std::string& path) {

@@ -4,7 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <map>
 
 #include "vestibule/amcl/global_localizer.hpp"
 
@@ -32,24 +32,6 @@ struct One {
   std::unique_ptr<GlobalLocalizer> search;
 };
 
-/// How far outside of a map's rectangle a point lies; 0 inside.
-double outside(const grid::OccupancyMap& map, const Point2& p_map) {
-  const Point2 p = transform(inverse(map.T_map_grid()), p_map);
-  const double u = p.x - map.corner().x;
-  const double v = p.y - map.corner().y;
-  const double w = map.width() * map.resolution();
-  const double h = map.height() * map.resolution();
-  return std::hypot(std::max({0.0, -u, u - w}), std::max({0.0, -v, v - h}));
-}
-
-double fromCentre(const grid::OccupancyMap& map, const Point2& p_map) {
-  const Point2 centre = transform(
-      map.T_map_grid(),
-      {map.corner().x + 0.5 * map.width() * map.resolution(),
-       map.corner().y + 0.5 * map.height() * map.resolution()});
-  return std::hypot(centre.x - p_map.x, centre.y - p_map.y);
-}
-
 grid::SearchWindow windowAbout(const PoseWithCovariance& T) {
   // A square about the ellipse, however map and grid are turned against each other.
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(T.cov.topLeftCorner<2, 2>());
@@ -69,6 +51,7 @@ struct MapLocalizers::Impl {
   std::uint64_t seed;
   const Observers* observers;
   std::vector<One> all;
+  std::map<std::string, LearntOfMap> learnt;  // of maps that were unloaded, by name
   std::optional<std::size_t> at_work;
   std::optional<PoseWithCovariance> wanted;  // where to start with the next scan
 
@@ -101,7 +84,7 @@ struct MapLocalizers::Impl {
 
 MapLocalizers::MapLocalizers(
     const AmclParams& params, std::uint64_t seed, const Observers* observers)
-    : impl_(std::make_unique<Impl>(Impl{params, seed, observers, {}, {}, {}})) {}
+    : impl_(std::make_unique<Impl>(Impl{params, seed, observers, {}, {}, {}, {}})) {}
 
 MapLocalizers::~MapLocalizers() = default;
 
@@ -116,6 +99,7 @@ void MapLocalizers::unload(const std::string& name) {
   const auto index = static_cast<std::size_t>(it - impl_->all.begin());
   if (impl_->at_work == index) rest();
   if (impl_->at_work && *impl_->at_work > index) --*impl_->at_work;
+  if (it->particles) impl_->learnt[name] = it->particles->learnt();
   impl_->all.erase(it);
 }
 
@@ -130,13 +114,15 @@ bool MapLocalizers::seed(const PoseWithCovariance& T_map_base) {
   const Point2 p{T_map_base.mean.x, T_map_base.mean.y};
   const auto nearest =
       std::min_element(impl_->all.begin(), impl_->all.end(), [&](const One& a, const One& b) {
-        const double a_m = outside(*a.map, p);
-        const double b_m = outside(*b.map, p);
-        return a_m != b_m ? a_m < b_m : fromCentre(*a.map, p) < fromCentre(*b.map, p);
+        const grid::MapRectangle rect_a = a.map->rectangle();
+        const grid::MapRectangle rect_b = b.map->rectangle();
+        const double a_m = rect_a.outside(p);
+        const double b_m = rect_b.outside(p);
+        return a_m != b_m ? a_m < b_m : rect_a.fromCentre(p) < rect_b.fromCentre(p);
       });
   if (!nearest->particles) {
     nearest->particles = std::make_unique<ParticleLocalizer>(
-        impl_->params, nearest->map, impl_->seed, impl_->observers);
+        impl_->params, nearest->map, impl_->seed, impl_->observers, impl_->learnt[nearest->name]);
     nearest->search = std::make_unique<GlobalLocalizer>(impl_->params.global, nearest->map);
   }
   impl_->at_work = static_cast<std::size_t>(nearest - impl_->all.begin());

@@ -45,7 +45,6 @@ constexpr double kSurprisingChi2 = 9.49;      // chi-square of four degrees of f
 constexpr double kSlipCost = 4.6;             // slips happen in one of a hundred updates
 constexpr double kMisfit = 0.8;               // share of the usual fitting share
 constexpr double kSearchMargin = 2.0;         // [log]
-constexpr double kWallOffsetSigma_m = 0.03;   // before anything is known
 constexpr double kWallOffsetWalk_m = 0.0005;  // its change from update to update
 
 enum NoisePurpose : std::uint32_t { kMotionNoise = 1, kKernelNoise = 2 };
@@ -180,8 +179,7 @@ struct ParticleLocalizer::Impl {
   ParticleSet particles;
   mrpt::bayes::CParticleFilter driver;
   bool initialised = false;
-  std::uint64_t draws = 0;  // numbers every use of random numbers
-  bool first_scan = true;   // the first scan after initialising is always used
+  bool first_scan = true;  // the first scan after initialising is always used
   Timestamp last_update;
   Timestamp last_scan;
   Pose2 T_odom_last_scan;
@@ -204,20 +202,19 @@ struct ParticleLocalizer::Impl {
   PoseWithCovariance estimate;        // T_grid_base at the last used scan
   std::vector<Clusters::One> places;  // at the last used scan, not refined
   double residual_sigma_m;
-  // Of the tracked pose: offset of walls, its variance, and its covariance with the pose.
-  double wall_offset_m = 0.0;
-  double wall_offset_var = kWallOffsetSigma_m * kWallOffsetSigma_m;
-  Eigen::Vector3d wall_offset_cov = Eigen::Vector3d::Zero();
-  LostEvidence evidence;             // of the last scan alone
-  double fitting_share = 0.0;        // of the last refinement
-  double usual_fitting_share = 0.0;  // its running mean; 0 = none yet
+  LearntOfMap learnt;
+  Eigen::Vector3d wall_offset_cov = Eigen::Vector3d::Zero();  // of the offset with the tracked pose
+  LostEvidence evidence;                                      // of the last scan alone
+  double fitting_share = 0.0;                                 // of the last refinement
+  double usual_fitting_share = 0.0;                           // its running mean; 0 = none yet
   ScanReport report;
 
   Impl(
       const AmclParams& p,
       std::shared_ptr<const grid::OccupancyMap> m,
       std::uint64_t s,
-      const Observers* o)
+      const Observers* o,
+      const LearntOfMap& l)
       : params(p),
         map(usable(std::move(m))),
         field(*map),
@@ -225,7 +222,8 @@ struct ParticleLocalizer::Impl {
         seed(s),
         observers(o),
         particles(table, params.threads),
-        residual_sigma_m(params.field.sigma_hit_m) {
+        residual_sigma_m(params.field.sigma_hit_m),
+        learnt(l) {
     driver.m_options.PF_algorithm = mrpt::bayes::CParticleFilter::pfStandardProposal;
     driver.m_options.adaptiveSampleSize = true;  // resampling is ours: MRPT's draws differently
     particles.keepEffective(params.resampling.min_effective_share);
@@ -236,10 +234,10 @@ struct ParticleLocalizer::Impl {
     const std::uint64_t hashed = derivedSeed(seed, "amcl");
     key.seed = {static_cast<std::uint32_t>(hashed), static_cast<std::uint32_t>(hashed >> 32U)};
     key.purpose = purpose;
-    key.step = draws++;
+    key.step = learnt.draws++;
     return key;
   }
-  [[nodiscard]] RandomStream stream(const char* name) { return {seed, name, draws++}; }
+  [[nodiscard]] RandomStream stream(const char* name) { return {seed, name, learnt.draws++}; }
 
   void restart() {
     initialised = true;
@@ -507,11 +505,11 @@ struct ParticleLocalizer::Impl {
       const PoseWithCovariance& T, const Eigen::Vector3d& offset_cov) const {
     TrackState state;
     state.T_grid_base = T.mean;
-    state.wall_offset_m = wall_offset_m;
+    state.wall_offset_m = learnt.wall_offset_m;
     state.cov.topLeftCorner<3, 3>() = T.cov;
     state.cov.topRightCorner<3, 1>() = offset_cov;
     state.cov.bottomLeftCorner<1, 3>() = offset_cov.transpose();
-    state.cov(3, 3) = wall_offset_var + kWallOffsetWalk_m * kWallOffsetWalk_m;
+    state.cov(3, 3) = learnt.wall_offset_var_m2 + kWallOffsetWalk_m * kWallOffsetWalk_m;
     return state;
   }
 
@@ -578,8 +576,8 @@ struct ParticleLocalizer::Impl {
 
   void accept(const Refinement& refined) {
     estimate = {refined.state.T_grid_base, refined.state.cov.topLeftCorner<3, 3>()};
-    wall_offset_m = refined.state.wall_offset_m;
-    wall_offset_var = refined.state.cov(3, 3);
+    learnt.wall_offset_m = refined.state.wall_offset_m;
+    learnt.wall_offset_var_m2 = refined.state.cov(3, 3);
     wall_offset_cov = refined.state.cov.topRightCorner<3, 1>();
     fitting_share = refined.fitting_share;
     evidence.weakest_sigma_m = weakestSigma(refined.scan_information);
@@ -730,8 +728,9 @@ ParticleLocalizer::ParticleLocalizer(
     const AmclParams& params,
     std::shared_ptr<const grid::OccupancyMap> map,
     std::uint64_t seed,
-    const Observers* observers)
-    : impl_(std::make_unique<Impl>(params, std::move(map), seed, observers)) {}
+    const Observers* observers,
+    const LearntOfMap& learnt)
+    : impl_(std::make_unique<Impl>(params, std::move(map), seed, observers, learnt)) {}
 
 ParticleLocalizer::~ParticleLocalizer() = default;
 
@@ -886,5 +885,7 @@ std::vector<PoseMode> ParticleLocalizer::modes() const {
 const ScanReport& ParticleLocalizer::lastReport() const { return impl_->report; }
 
 const grid::OccupancyMap& ParticleLocalizer::map() const { return *impl_->map; }
+
+const LearntOfMap& ParticleLocalizer::learnt() const { return impl_->learnt; }
 
 }  // namespace vestibule::amcl

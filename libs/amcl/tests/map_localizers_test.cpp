@@ -32,6 +32,7 @@ std::shared_ptr<const grid::OccupancyMap> room(double w, double h, const Pose2& 
 struct Robot {
   const grid::RayCaster* rays = nullptr;
   Pose2 truth;
+  double walls_nearer_m = 0.0;  // than the middle of their cells
   double t_s = 0.0;
   RandomStream rng{7, "robot"};
 
@@ -56,8 +57,8 @@ struct Robot {
     scan.range_max_m = 15.0;
     for (int i = 0; i <= 180; ++i) {
       const double yaw = truth.phi + scan.angle(static_cast<std::size_t>(i));
-      scan.ranges_m.push_back(
-          static_cast<float>(rays->range({truth.x, truth.y}, yaw, 15.0) + rng.normal(0.0, 0.01)));
+      scan.ranges_m.push_back(static_cast<float>(
+          rays->range({truth.x, truth.y}, yaw, 15.0) - walls_nearer_m + rng.normal(0.0, 0.01)));
     }
     return scan;
   }
@@ -169,6 +170,43 @@ TEST(MapLocalizers, MapsComeAndGoWhileTheRobotDrives) {
   ASSERT_TRUE(site.localizers.seed(about(robot.truth, 0.3, 0.1)));
   for (int i = 0; i < 3; ++i) robot.step(site.localizers);
   EXPECT_THAT(site.localizers.pose()->mean, poseNear(robot.truth, 0.05, degToRad(1.0)));
+}
+
+TEST(MapLocalizers, WhatWasLearntOfAMapOutlivesItsMemory) {
+  // GIVEN a robot that has driven where walls stand 4 cm before the middle of their cells, and is
+  // outside now
+  const auto drive = [](MapLocalizers& localizers, const TwoMaps& site, Robot& robot, int steps) {
+    robot.rays = &site.hall_rays;
+    robot.walls_nearer_m = 0.04;
+    robot.truth = compose(site.hall->T_map_grid(), Pose2{2.5, 2.0, 0.2});
+    EXPECT_TRUE(localizers.seed(about(robot.truth, 0.3, 0.1)));
+    for (int i = 0; i < steps; ++i) robot.step(localizers);
+    const Pose2 end = localizers.pose()->mean;
+    localizers.rest();
+    return end;
+  };
+  TwoMaps kept;
+  TwoMaps unloaded;
+  Robot before;
+  (void)drive(kept.localizers, kept, before, 40);
+  before = Robot{};
+  (void)drive(unloaded.localizers, unloaded, before, 40);
+  // WHEN the map leaves the memory meanwhile
+  std::weak_ptr<const grid::OccupancyMap> memory = unloaded.hall;
+  unloaded.localizers.unload("hall");
+  unloaded.hall.reset();
+  EXPECT_TRUE(memory.expired()) << "particles and search let go of it, too";
+  unloaded.hall = room(12.0, 8.0, {0.0, 0.0, 0.3});
+  unloaded.localizers.load("hall", unloaded.hall);
+  TwoMaps never_there;
+  // THEN the next visit begins as if it had stayed, and not as in a map that is new
+  const auto visit = [&](TwoMaps& site) {
+    Robot robot = before;
+    return drive(site.localizers, site, robot, 3);
+  };
+  const Pose2 expected = visit(kept);
+  EXPECT_THAT(visit(unloaded), poseNear(expected, 1e-6, 1e-6));
+  EXPECT_THAT(visit(never_there), testing::Not(poseNear(expected, 1e-3, 1e-6)));
 }
 
 }  // namespace

@@ -46,6 +46,16 @@ std::string_view toString(Decision decision) {
   return "?";
 }
 
+std::string_view toString(MapEvent::Kind kind) {
+  switch (kind) {
+    case MapEvent::Kind::kLoaded:
+      return "loaded";
+    case MapEvent::Kind::kUnloaded:
+      return "unloaded";
+  }
+  return "?";
+}
+
 std::string_view toString(MissionEvent::Kind kind) {
   switch (kind) {
     case MissionEvent::Kind::kPathStarted:
@@ -78,6 +88,9 @@ void Observers::emit(const PlacesEvent& event) const {
 }
 void Observers::emit(const ModeEvent& event) const {
   for (Observer* observer : observers_) observer->onMode(event);
+}
+void Observers::emit(const MapEvent& event) const {
+  for (Observer* observer : observers_) observer->onMap(event);
 }
 void Observers::emit(const MissionEvent& event) const {
   for (Observer* observer : observers_) observer->onMission(event);

@@ -88,6 +88,12 @@ void describe(ParamIo& io, Site& site) {
   }
   polygonField(io, "outdoor_area", site.outdoor_area);
   io.list("indoor_maps", site.indoor_maps);
+  for (auto map = site.indoor_maps.begin(); map != site.indoor_maps.end(); ++map) {
+    const bool again = std::any_of(site.indoor_maps.begin(), map, [&](const IndoorMap& other) {
+      return other.name == map->name;
+    });
+    if (again) io.problem("indoor_maps", "two maps have the name '" + map->name + "'");
+  }
   io.list("buildings", site.buildings);
   io.list("doors", site.doors);
 }

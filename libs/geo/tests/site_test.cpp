@@ -37,13 +37,16 @@ TEST(Site, NamesEveryProblem) {
   try {
     (void)parseParams<Site>(
         "name: farm\ndatum: [136.8, -2.4, 20]\nbuildings:\n  - {name: a, outline: [[0, 0]]}\n"
-        "doors:\n  - {name: w, from: [0, 1], too: [0, 4]}\n",
+        "doors:\n  - {name: w, from: [0, 1], too: [0, 4]}\n"
+        "indoor_maps:\n  - {name: a, map: a.yaml, T_map_grid: [0, 0, 0]}\n"
+        "  - {name: a, map: b.yaml, T_map_grid: [9, 0, 0]}\n",
         "site.yaml");
     FAIL() << "accepted";
   } catch (const ConfigError& e) {
     EXPECT_THAT(e.what(), HasSubstr("site.yaml:2: datum: must be [lat_deg, lon_deg, height_m]"));
     EXPECT_THAT(e.what(), HasSubstr("site.yaml:4: buildings[0].outline: needs at least 3 corners"));
     EXPECT_THAT(e.what(), HasSubstr("doors[0].to: missing"));
+    EXPECT_THAT(e.what(), HasSubstr("indoor_maps: two maps have the name 'a'"));
     EXPECT_THAT(e.what(), HasSubstr("doors[0].too: unknown key (did you mean to?)"));
   }
 }

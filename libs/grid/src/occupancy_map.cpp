@@ -18,6 +18,16 @@ constexpr float kFreeAbove = 0.6F;
 
 }  // namespace
 
+double MapRectangle::outside(const Point2& p_map) const {
+  const Point2 p = transform(inverse(T_map_corner), p_map);
+  return std::hypot(std::max({0.0, -p.x, p.x - width_m}), std::max({0.0, -p.y, p.y - height_m}));
+}
+
+double MapRectangle::fromCentre(const Point2& p_map) const {
+  const Point2 centre = transform(T_map_corner, {0.5 * width_m, 0.5 * height_m});
+  return std::hypot(centre.x - p_map.x, centre.y - p_map.y);
+}
+
 OccupancyMap::OccupancyMap(
     std::shared_ptr<mrpt::maps::COccupancyGridMap2D> grid, const Pose2& T_map_grid)
     : grid_(std::move(grid)),
@@ -71,6 +81,13 @@ OccupancyMap OccupancyMap::movedBy(const Pose2& T_new_map) const {
   OccupancyMap moved = *this;
   moved.T_map_grid_ = compose(T_new_map, T_map_grid_);
   return moved;
+}
+
+MapRectangle OccupancyMap::rectangle() const {
+  return {
+      compose(T_map_grid_, Pose2{p_grid_corner_.x, p_grid_corner_.y, 0.0}),
+      width_ * resolution_m_,
+      height_ * resolution_m_};
 }
 
 Cell OccupancyMap::cell(int ix, int iy) const {

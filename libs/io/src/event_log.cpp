@@ -120,6 +120,12 @@ void EventLog::onMode(const ModeEvent& event) {
   out_ << line.line();
 }
 
+void EventLog::onMap(const MapEvent& event) {
+  JsonLine line(event.stamp, "map");
+  line.add("kind", toString(event.kind)).add("map", event.map).add("distance_m", event.distance_m);
+  out_ << line.line();
+}
+
 void EventLog::onMission(const MissionEvent& event) {
   JsonLine line(event.stamp, "mission");
   line.add("kind", toString(event.kind))

@@ -134,12 +134,17 @@ TEST(EventLog, WritesOneObjectPerLine) {
   const std::vector<double> weights(3, 1.0 / 3.0);
   log.onParticles({{2000000000}, particles, weights, 3.0, 0.5});
   log.onMode({{3000000000}, Mode::kOutdoor, Mode::kIndoor, "roof", {{"sigma_m", 0.1}}});
+  log.onMap({{4000000000}, MapEvent::Kind::kLoaded, "hall", 49.5});
   const std::string text = out.str();
-  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 3);
+  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 4);
   EXPECT_THAT(text, HasSubstr("{\"t\":\"1.500000000\",\"type\":\"update\",\"sensor\":\"gnss\""));
   EXPECT_THAT(text, HasSubstr("\"reason\":\"chi2 \\\"far\\\"\",\"nis\":12.5,\"gate\":null"));
   EXPECT_THAT(text, HasSubstr("\"count\":3"));
   EXPECT_THAT(text, HasSubstr("\"values\":{\"sigma_m\":0.1}"));
+  EXPECT_THAT(
+      text,
+      HasSubstr("{\"t\":\"4.000000000\",\"type\":\"map\",\"kind\":\"loaded\",\"map\":\"hall\","
+                "\"distance_m\":49.5}"));
 }
 
 // --- maps ----------------------------------------------------------------------------------------

@@ -197,6 +197,8 @@ void ModeManager::decide(Timestamp stamp, const Evidence& e) {
 
 void ModeManager::updateSeeding(Timestamp stamp, const Evidence& e) {
   particles_wanted_ = e.building_m < params_.zones.seed_within_m && !site_.indoor_maps.empty();
+  // Particles at rest say nothing any more: near the next building they start anew.
+  if (!particles_wanted_ && mode_ != Mode::kIndoor) particles_.reset();
   if (!particles_wanted_ || !slewer_.started()) return;
   // A forced or granted map authority is not disturbed; a filter that fits the map neither.
   const bool fits = particles_ && trust_ >= params_.evidence.enter_trust && (e.agree || !e.gnss);

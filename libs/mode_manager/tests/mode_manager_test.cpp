@@ -123,6 +123,24 @@ TEST_F(Crossing, SeedsAreAskedForNearABuildingOnly) {
   EXPECT_FALSE(manager.takeSeedRequest());
 }
 
+TEST_F(Crossing, AReturnAsksForSeedsAgain) {
+  // GIVEN a robot that was inside with authority of the map, and has left the building's
+  // surroundings
+  for (const bool fixes : {true, false}) {
+    SCOPED_TRACE(fixes ? "with GNSS" : "without");
+    drive(35.0, {true, 0.0, 0.1, 0.9, 0.0});
+    ASSERT_EQ(manager.mode(), Mode::kIndoor);
+    drive(10.0, {true, 0.0, 0.1, 0.9, 0.0}, -1.0);
+    drive(25.0, {true}, -1.0);
+    ASSERT_FALSE(manager.particlesWanted());
+    (void)manager.takeSeedRequest();
+    // WHEN it comes near again THEN what the particles said then does not count
+    drive(25.0, {fixes});
+    EXPECT_TRUE(manager.takeSeedRequest());
+    drive(25.0, {true}, -1.0);
+  }
+}
+
 TEST_F(Crossing, AMissionCanForceAModeAndGiveItBack) {
   drive(10.0, {true, 0.0, 0.1, 0.1, 0.0});
   manager.force(Mode::kIndoor);

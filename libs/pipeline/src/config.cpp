@@ -19,13 +19,25 @@ void describe(ParamIo& io, DatumParams& params) {
   io.optional("average_s", params.average_s, nonNegative());
 }
 
+void describe(ParamIo& io, MapsParams& params) {
+  io.optional("load_within_m", params.load_within_m, nonNegative());
+  io.optional("unload_beyond_m", params.unload_beyond_m, positive());
+  if (params.unload_beyond_m <= params.load_within_m) {
+    io.problem("unload_beyond_m", "must be greater than load_within_m");
+  }
+}
+
 void describe(ParamIo& io, Config& config) {
   io.optional("seed", config.seed);
   io.section("rig", config.rig);
   io.section("datum", config.datum);
   io.section("ekf", config.ekf);
   io.section("amcl", config.amcl);
+  io.section("maps", config.maps);
   io.section("mode_manager", config.mode_manager);
+  if (config.maps.load_within_m < config.mode_manager.zones.seed_within_m) {
+    io.problem("maps", "load_within_m must not be less than mode_manager.zones.seed_within_m");
+  }
   io.section("mission", config.mission);
   io.section("driver", config.driver);
   io.section("mapping", config.mapping);

@@ -43,6 +43,7 @@ class Host : public nav::MissionHost {
     request.file = task.file.empty() ? request.waypoint + ".png" : task.file;
     request.T_map_base = estimator_.modeManager().published().mean;
     request.p_base_scan = scan_base;
+    request.maps = estimator_.maps();
     hooks_.photo(request);
   }
   void requestLocalization(nav::LocalizationMode mode) override {
@@ -96,6 +97,7 @@ class Judge : public Observer {
   void onMode(const ModeEvent& event) override {
     if (event.from != event.to) ++result_.mode_switches;
   }
+  void onMap(const MapEvent& event) override { result_.map_changes.count(event); }
 
   void compare(Timestamp stamp, const Pose2& published, const Pose2& T_odom_base) {
     const Pose2& truth = simulator_.truth();
@@ -159,13 +161,13 @@ MissionSetup loadMissionSetup(
         world_path + ": datum: the world lies " + std::to_string(std::lround(apart_m / 1000.0)) +
         " km from the site " + setup.site.file + " of the mission; use a world of that site");
   }
-  setup.maps = loadIndoorMaps(setup.site, &setup.map_notes);
-  for (const auto& map : setup.maps) {
+  const auto checkAgainst = [&](const grid::OccupancyMap& map) {
     for (const std::string& text :
-         nav::checkAgainstMap(setup.mission, *map, config.mission.footprint.half_width_m)) {
+         nav::checkAgainstMap(setup.mission, map, config.mission.footprint.half_width_m)) {
       report(text);
     }
-  }
+  };
+  setup.map_rectangles = surveyIndoorMaps(setup.site, &setup.map_notes, checkAgainst);
   if (!problems.empty()) throw ConfigError(problems);
   return setup;
 }
@@ -185,7 +187,7 @@ MissionResult runMission(
   // The robot knows its own sensors: the rig comes with it.
   Config robot_config = config;
   robot_config.rig = setup.sim.rig;
-  SeamlessEstimator estimator(robot_config, setup.site, setup.maps, all);
+  SeamlessEstimator estimator(robot_config, setup.site, setup.map_rectangles, all);
   estimator.start(simulator.time(), toldStart(setup.mission.T_map_base_start));
 
   mrpt_adapters::ReactiveDriver driver(config.driver);

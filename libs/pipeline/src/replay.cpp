@@ -23,7 +23,7 @@ class Replay : public Observer {
       : plane_(site.datum),
         init_(T_map_base_init),
         observers_(withSelf(observers)),
-        estimator_(config, site, loadIndoorMaps(site, &result.notes), observers_) {}
+        estimator_(config, site, surveyIndoorMaps(site, &result.notes), observers_) {}
 
   void process(const Measurement& measurement) {
     const Timestamp stamp = stampOf(measurement);
@@ -53,6 +53,7 @@ class Replay : public Observer {
   void onMode(const ModeEvent& event) override {
     if (event.from != event.to) ++result.mode_switches;
   }
+  void onMap(const MapEvent& event) override { result.map_changes.count(event); }
 
   ReplayResult result;
   std::size_t wheel_messages = 0;

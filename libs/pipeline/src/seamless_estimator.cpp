@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "vestibule/io/map_io.hpp"
 #include "vestibule/pipeline/gnss_input.hpp"
 
 namespace vestibule::pipeline {
@@ -17,17 +16,6 @@ constexpr double kMapPoseFloor_rad = degToRad(1.0);
 
 }  // namespace
 
-std::vector<std::shared_ptr<const grid::OccupancyMap>> loadIndoorMaps(
-    const geo::Site& site, std::vector<std::string>* notes) {
-  std::vector<std::shared_ptr<const grid::OccupancyMap>> maps;
-  for (const geo::IndoorMap& indoor : site.indoor_maps) {
-    const grid::OccupancyMap map = io::loadMap(indoor.yaml_path, notes);
-    amcl::requireUsable(map, indoor.yaml_path);
-    maps.push_back(std::make_shared<const grid::OccupancyMap>(map.movedBy(indoor.T_map_grid)));
-  }
-  return maps;
-}
-
 PoseWithCovariance toldStart(const Pose2& T_map_base) {
   constexpr double kSigma_m = 0.15;
   constexpr double kSigma_rad = degToRad(2.0);
@@ -40,18 +28,15 @@ PoseWithCovariance toldStart(const Pose2& T_map_base) {
 SeamlessEstimator::SeamlessEstimator(
     const Config& config,
     const geo::Site& site,
-    const std::vector<std::shared_ptr<const grid::OccupancyMap>>& maps,
+    const std::vector<grid::MapRectangle>& map_rectangles,
     const Observers& observers)
     : config_(config),
       plane_(site.datum),
       observers_(observers),
       gnss_filter_(config.ekf, config.rig, &observers),
       localizers_(config.amcl, config.seed, &observers),
-      manager_(config.mode_manager, site, &observers) {
-  for (std::size_t i = 0; i < maps.size(); ++i) {
-    localizers_.load(site.indoor_maps[i].name, maps[i]);
-  }
-}
+      maps_(config.maps, site, map_rectangles, observers),
+      manager_(config.mode_manager, site, &observers) {}
 
 void SeamlessEstimator::start(Timestamp stamp, const PoseWithCovariance& T_map_base) {
   gnss_filter_.reset(stamp, T_map_base);
@@ -89,6 +74,10 @@ void SeamlessEstimator::onWheels(const WheelOdometry& wheels) {
     manager_.offerGnss({time_, gnss_filter_.pose(), T_odom_base_}, last_fix_);
   }
   manager_.step(time_, T_odom_base_);
+  if (manager_.ready()) {
+    const Pose2 T_map_base = manager_.published().mean;
+    maps_.update(time_, {T_map_base.x, T_map_base.y}, localizers_);
+  }
   seedParticles();
 
   if (manager_.ready()) {

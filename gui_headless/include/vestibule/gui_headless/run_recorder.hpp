@@ -22,7 +22,7 @@ struct RecorderLimits {
   std::size_t max_particles = 400;  ///< per snapshot, drawn in proportion to their weights
   std::size_t max_particle_samples = 8192;
   std::size_t max_updates = 8192;  ///< NIS samples per sensor; thinned evenly beyond
-  std::size_t max_events = 1000;   ///< mode changes, and mission events; later ones only counted
+  std::size_t max_events = 1000;   ///< of modes, maps, missions each; later ones only counted
   std::size_t max_warnings = 200;  ///< different warnings; repeats of one are only counted
 };
 
@@ -113,6 +113,7 @@ class RunRecorder : public Observer {
   void onParticles(const ParticlesEvent& event) override;
   void onPlaces(const PlacesEvent& event) override;
   void onMode(const ModeEvent& event) override;
+  void onMap(const MapEvent& event) override;
   void onMission(const MissionEvent& event) override;
   void onWarning(const WarningEvent& event) override;
 
@@ -136,9 +137,10 @@ class RunRecorder : public Observer {
   [[nodiscard]] const std::vector<ModeEvent>& modeEvents() const { return mode_events_; }
   /// What the searches of the map said, in order.
   [[nodiscard]] const std::vector<PlacesEvent>& placesEvents() const { return places_events_; }
+  [[nodiscard]] const std::vector<MapEvent>& mapEvents() const { return map_events_; }
   [[nodiscard]] const std::vector<MissionEvent>& missionEvents() const { return mission_events_; }
   [[nodiscard]] const std::vector<WarningSummary>& warnings() const { return warnings_; }
-  /// Mode events, mission events and kinds of warnings beyond the limits.
+  /// Events of modes, maps and missions and kinds of warnings beyond the limits.
   [[nodiscard]] std::size_t eventsNotKept() const { return events_not_kept_; }
 
   /// Earliest and latest stamp of any event; empty before the first.
@@ -165,6 +167,7 @@ class RunRecorder : public Observer {
   std::map<std::string, SensorUpdates> updates_;
   std::vector<ModeEvent> mode_events_;
   std::vector<PlacesEvent> places_events_;
+  std::vector<MapEvent> map_events_;
   std::vector<MissionEvent> mission_events_;
   std::vector<WarningSummary> warnings_;
   std::size_t events_not_kept_ = 0;

@@ -11,8 +11,8 @@
 namespace vestibule::amcl {
 
 /// Localization in the several maps of a site, of which one is at work at a time. Maps come and go
-/// while the robot drives. What has been learnt of a map (where walls stand in their cells) rests
-/// with it until the robot is back.
+/// while the robot drives. What has been learnt of a map stays under its name until the robot is
+/// back, whether or not the map is in memory meanwhile.
 class MapLocalizers {
  public:
   /// \param observers may be null; receives what ParticleLocalizer emits and a PoseEvent per scan
@@ -21,7 +21,8 @@ class MapLocalizers {
 
   /// Adds a map, in the frame that all maps share. One of the same name is replaced.
   void load(const std::string& name, std::shared_ptr<const grid::OccupancyMap> map);
-  /// Forgets a map and what was learnt of it; the one at work stops. No such map: nothing happens.
+  /// Frees a map with its particles and search fields; the one at work stops. No such map: nothing
+  /// happens.
   void unload(const std::string& name);
   [[nodiscard]] std::vector<std::string> names() const;  ///< in the order they were loaded
 

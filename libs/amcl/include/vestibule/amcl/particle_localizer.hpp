@@ -38,6 +38,15 @@ struct PoseMode {
   double weight = 1.0;
 };
 
+/// What driving in a map teaches of it, and what a new start in it keeps. All else comes from the
+/// map's cells or from where the robot is.
+struct LearntOfMap {
+  /// Of surfaces in front of the middle of their cells (refinement.hpp).
+  double wall_offset_m = 0.0;
+  double wall_offset_var_m2 = 0.03 * 0.03;  ///< before anything is known
+  std::uint64_t draws = 0;                  ///< of random numbers so far: none is used twice
+};
+
 /// Who measured the turn of an odometry increment.
 enum class YawSource { kWheels, kGyro };
 
@@ -53,11 +62,13 @@ class ParticleLocalizer {
   /// \param map in the frame the poses shall be in; shared, never changed
   /// \param observers may be null; receives UpdateEvent, ParticlesEvent and WarningEvent; poses are
   ///   for the owner to tell, who knows whether they count
+  /// \param learnt of this map by an earlier localizer
   ParticleLocalizer(
       const AmclParams& params,
       std::shared_ptr<const grid::OccupancyMap> map,
       std::uint64_t seed,
-      const Observers* observers = nullptr);
+      const Observers* observers = nullptr,
+      const LearntOfMap& learnt = {});
   ~ParticleLocalizer();
 
   /// Draws the particles from a Gaussian. May be called again at any time (seeding at a door).
@@ -86,6 +97,7 @@ class ParticleLocalizer {
   [[nodiscard]] std::vector<PoseMode> modes() const;
   [[nodiscard]] const ScanReport& lastReport() const;
   [[nodiscard]] const grid::OccupancyMap& map() const;
+  [[nodiscard]] const LearntOfMap& learnt() const;
 
  private:
   struct Impl;

@@ -79,6 +79,16 @@ struct ModeEvent {
   std::vector<std::pair<std::string, double>> values;
 };
 
+/// An indoor map comes into memory or leaves it.
+struct MapEvent {
+  enum class Kind { kLoaded, kUnloaded };
+  Timestamp stamp;
+  Kind kind = Kind::kLoaded;
+  std::string map;
+  double distance_m = 0.0;  ///< of the robot from the map's rectangle
+};
+[[nodiscard]] std::string_view toString(MapEvent::Kind kind);
+
 /// Progress of a mission.
 struct MissionEvent {
   enum class Kind { kPathStarted, kWaypointReached, kTaskStarted, kTaskDone, kDone, kAborted };
@@ -112,6 +122,7 @@ class Observer {
   virtual void onParticles(const ParticlesEvent& /*event*/) {}
   virtual void onPlaces(const PlacesEvent& /*event*/) {}
   virtual void onMode(const ModeEvent& /*event*/) {}
+  virtual void onMap(const MapEvent& /*event*/) {}
   virtual void onMission(const MissionEvent& /*event*/) {}
   virtual void onWarning(const WarningEvent& /*event*/) {}
 };
@@ -127,6 +138,7 @@ class Observers {
   void emit(const ParticlesEvent& event) const;
   void emit(const PlacesEvent& event) const;
   void emit(const ModeEvent& event) const;
+  void emit(const MapEvent& event) const;
   void emit(const MissionEvent& event) const;
   void emit(const WarningEvent& event) const;
 

@@ -15,6 +15,16 @@ namespace vestibule::grid {
 
 enum class Cell : std::uint8_t { kFree, kOccupied, kUnknown };
 
+/// Where a map lies: what is known of it without its cells.
+struct MapRectangle {
+  Pose2 T_map_corner;  ///< of the lower left corner, axes along the map's own
+  double width_m = 0.0;
+  double height_m = 0.0;
+  /// How far outside a point of the map frame lies [m]; 0 inside.
+  [[nodiscard]] double outside(const Point2& p_map) const;
+  [[nodiscard]] double fromCentre(const Point2& p_map) const;
+};
+
 /// A prebuilt occupancy map. Cells live in an MRPT grid whose axes are those of the image (x along
 /// columns, y up); `T_map_grid` places that grid in the map frame (identity unless the map_server
 /// origin has a yaw or a site georeferences it). Immutable once built; share the pointer freely.
@@ -44,6 +54,7 @@ class OccupancyMap {
   [[nodiscard]] double resolution() const { return resolution_m_; }
   /// Lower left corner of the grid, in grid coordinates [m].
   [[nodiscard]] const Point2& corner() const { return p_grid_corner_; }
+  [[nodiscard]] MapRectangle rectangle() const;
   /// Cell at column ix (from the left), row iy (from the bottom).
   [[nodiscard]] Cell cell(int ix, int iy) const;
   /// Writes 0 for each occupied cell of a row and 1 for the others, width() of them.

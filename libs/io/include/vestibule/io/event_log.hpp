@@ -18,6 +18,7 @@ class EventLog : public Observer {
   void onParticles(const ParticlesEvent& event) override;
   void onPlaces(const PlacesEvent& event) override;
   void onMode(const ModeEvent& event) override;
+  void onMap(const MapEvent& event) override;
   void onMission(const MissionEvent& event) override;
   void onWarning(const WarningEvent& event) override;
 

@@ -22,6 +22,13 @@ struct DatumParams {
 };
 void describe(ParamIo& io, DatumParams& params);
 
+/// When the indoor maps of a site are in memory, by the robot's distance to their rectangles.
+struct MapsParams {
+  double load_within_m = 50.0;
+  double unload_beyond_m = 100.0;  ///< except for a map that is at work
+};
+void describe(ParamIo& io, MapsParams& params);
+
 /// What --config sets; config/default.yaml lists every key with its default.
 struct Config {
   std::uint64_t seed = 1;
@@ -29,6 +36,7 @@ struct Config {
   DatumParams datum;
   ekf::FilterParams ekf;
   amcl::AmclParams amcl;
+  MapsParams maps;
   mode_manager::ModeManagerParams mode_manager;
   nav::MissionRunnerParams mission;
   mrpt_adapters::ReactiveParams driver;

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <functional>
-#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -14,6 +13,7 @@
 #include "vestibule/metrics/transition.hpp"
 #include "vestibule/nav/mission.hpp"
 #include "vestibule/pipeline/config.hpp"
+#include "vestibule/pipeline/indoor_maps.hpp"
 #include "vestibule/pipeline/progress.hpp"
 #include "vestibule/sim/simulator.hpp"
 #include "vestibule/sim/world.hpp"
@@ -26,7 +26,7 @@ struct MissionSetup {
   geo::Site site;
   sim::World world;
   sim::SimParams sim;
-  std::vector<std::shared_ptr<const grid::OccupancyMap>> maps;  ///< in the site's map frame
+  std::vector<grid::MapRectangle> map_rectangles;  ///< as of surveyIndoorMaps()
   std::vector<std::string> map_notes;
 };
 
@@ -42,6 +42,7 @@ struct PhotoRequest {
   std::string waypoint;
   Pose2 T_map_base;  ///< as published
   std::vector<Point2> p_base_scan;
+  std::vector<MapPtr> maps;  ///< those in memory
 };
 
 struct MissionHooks {
@@ -81,6 +82,7 @@ struct MissionResult {
   ErrorFigures error;        ///< of the published pose, whole run
   ErrorFigures door_zone;    ///< within 10 m of a door
   int mode_switches = 0;
+  MapChanges map_changes;
   int recoveries = 0;
 };
 

@@ -11,6 +11,7 @@
 #include "vestibule/metrics/trajectory.hpp"
 #include "vestibule/metrics/transition.hpp"
 #include "vestibule/pipeline/config.hpp"
+#include "vestibule/pipeline/indoor_maps.hpp"
 #include "vestibule/pipeline/progress.hpp"
 
 namespace vestibule::pipeline {
@@ -23,6 +24,7 @@ struct ReplayResult {
   std::string waiting_for;  ///< what the GNSS filter misses, when nothing was ever published
   Mode final_mode = Mode::kOutdoor;  ///< \pre ready_after_s
   int mode_switches = 0;
+  MapChanges map_changes;
   std::array<double, 4> share_in_mode{};  ///< of the published poses, by Mode
   metrics::Step correction;               ///< largest within 100 ms, at the base
   double data_s = 0.0;

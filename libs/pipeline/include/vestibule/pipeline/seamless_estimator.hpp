@@ -1,6 +1,5 @@
 #pragma once
 
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -12,14 +11,10 @@
 #include "vestibule/geo/tangent_plane.hpp"
 #include "vestibule/mode_manager/mode_manager.hpp"
 #include "vestibule/pipeline/config.hpp"
+#include "vestibule/pipeline/indoor_maps.hpp"
 #include "vestibule/sensors/measurements.hpp"
 
 namespace vestibule::pipeline {
-
-/// The site's indoor maps in the site's map frame, in its order. Throws InputError.
-/// \param notes  told what loadMap() notes of them
-[[nodiscard]] std::vector<std::shared_ptr<const grid::OccupancyMap>> loadIndoorMaps(
-    const geo::Site& site, std::vector<std::string>* notes = nullptr);
 
 /// A start pose told by someone who knows the place, e.g. a surveyed charging point: good to 0.15 m
 /// and 2 deg.
@@ -30,19 +25,19 @@ namespace vestibule::pipeline {
 /// closed loop.
 class SeamlessEstimator {
  public:
-  /// \param maps the site's indoor maps in the site's map frame, in its order
+  /// \param map_rectangles as of surveyIndoorMaps()
   SeamlessEstimator(
       const Config& config,
       const geo::Site& site,
-      const std::vector<std::shared_ptr<const grid::OccupancyMap>>& maps,
+      const std::vector<grid::MapRectangle>& map_rectangles,
       const Observers& observers);
 
   /// Starts from a known pose, e.g. the charging point.
   void start(Timestamp stamp, const PoseWithCovariance& T_map_base);
   void process(const Measurement& measurement);
 
-  /// Indoor maps may come and go at any time: floors of a lift, a hall that was surveyed just now.
-  [[nodiscard]] amcl::MapLocalizers& localizers() { return localizers_; }
+  /// The indoor maps in memory: those near the robot.
+  [[nodiscard]] std::vector<MapPtr> maps() const { return maps_.loaded(); }
 
   [[nodiscard]] bool ready() const { return manager_.ready(); }
   /// What the GNSS filter still misses for a first pose, in words; empty when it has one.
@@ -67,6 +62,7 @@ class SeamlessEstimator {
 
   ekf::MapFilter gnss_filter_;  // with the odometry filter inside
   amcl::MapLocalizers localizers_;
+  IndoorMaps maps_;
   mode_manager::ModeManager manager_;
 
   Timestamp time_;
