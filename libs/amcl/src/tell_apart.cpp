@@ -15,10 +15,12 @@ namespace {
 constexpr std::size_t kMostClaims = 10;
 constexpr double kGoalSpacing_m = 1.0;
 constexpr double kNearest_m = 2.0;  // the present view tells as much as one from nearer
-constexpr int kRays = 36;
-constexpr double kView_m = 10.0;       // most lidars see walls that far
-constexpr double kDiffers_m = 0.5;     // ranges that differ by less are noise and furniture
-constexpr double kPlainShare = 0.25;   // of rays: a view that differs in so many is another one
+constexpr int kRays = 72;
+constexpr double kView_m = 10.0;    // most lidars see walls that far
+constexpr double kDiffers_m = 0.5;  // ranges that differ by less are noise and furniture
+// A view that differs in so many metres of surface is another one. A ray stands for as much as lies
+// between it and the next: few of them reach the end of a corridor, but they say the most.
+constexpr double kPlain_m = 4.0;
 constexpr double kSettingOut_m = 4.0;  // costs as much as driving so far
 constexpr double kTurnBack_m = 4.0;    // so does a half turn, and what lies behind has been seen
 constexpr double kFirst_m = 1.0;       // of a way says where the robot has to turn
@@ -103,15 +105,15 @@ std::vector<TellApart::Look> TellApart::view(const Point2& p_map, double yaw) co
 
 double TellApart::difference(const std::vector<Look>& a, const std::vector<Look>& b) {
   if (a.empty() || b.empty()) return a.empty() == b.empty() ? 0.0 : 1.0;
-  int differ = 0;
+  double differ_m = 0.0;
   for (std::size_t i = 0; i < a.size(); ++i) {
     // A look that ends where the map knows nothing may go on.
     if ((a[i].ends && b[i].range_m > a[i].range_m + kDiffers_m) ||
         (b[i].ends && a[i].range_m > b[i].range_m + kDiffers_m)) {
-      ++differ;
+      differ_m += std::min(a[i].range_m, b[i].range_m) * (2.0 * kPi / kRays);
     }
   }
-  return std::min(1.0, static_cast<double>(differ) / (kPlainShare * kRays));
+  return std::min(1.0, differ_m / kPlain_m);
 }
 
 double TellApart::told(const std::vector<Claim>& claims, const Point2& p_map) const {
