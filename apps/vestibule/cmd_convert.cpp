@@ -141,10 +141,11 @@ std::size_t convertRecording(const ConvertArguments& args, const pipeline::Confi
 
 void convertMap(const ConvertArguments& args) {
   const grid::OccupancyMap map = io::loadMap(args.in);
+  const auto georeference = io::loadGeoreference(args.in);
   const fs::path image = fs::path(args.out).replace_extension(".pgm");
   replaceFile(args.out, [&](const std::string& partial) {
     replaceFile(image.string(), [&](const std::string& image_file) {
-      io::saveMapServer(map, partial, image_file, image.filename().string());
+      io::saveMapServer(map, partial, image_file, image.filename().string(), georeference);
     });
   });
 }

@@ -1,3 +1,4 @@
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 
@@ -38,6 +39,8 @@ void infoOfMap(const Arguments& args) {
   info["unknown_share"] = rounded(share(grid::Cell::kUnknown), 5);
   info["free_m2"] = rounded(
       static_cast<double>(map.count(grid::Cell::kFree)) * map.resolution() * map.resolution(), 2);
+  const auto georeference = io::loadGeoreference(args.log);
+  if (georeference) info["georeference"] = georeferenceJson(*georeference);
   info["notes"] = notes;
   if (args.json) {
     std::printf("%s\n", info.dump(2).c_str());
@@ -60,6 +63,21 @@ void infoOfMap(const Arguments& args) {
         info["free_m2"].get<double>(),
         100.0 * share(grid::Cell::kOccupied),
         100.0 * share(grid::Cell::kUnknown));
+    if (georeference) {
+      const io::MapGeoreference& g = *georeference;
+      std::printf(
+          "  georeference: x %.3f m, y %.3f m, yaw %.3f deg (sigma %.3f m, %.3f m, %.3f deg)\n"
+          "    in ENU at latitude %.8f deg, longitude %.8f deg, height %.2f m\n",
+          g.T_map_grid.x,
+          g.T_map_grid.y,
+          radToDeg(g.T_map_grid.phi),
+          std::sqrt(g.cov(0, 0)),
+          std::sqrt(g.cov(1, 1)),
+          radToDeg(std::sqrt(g.cov(2, 2))),
+          g.datum.lat_deg,
+          g.datum.lon_deg,
+          g.datum.height_m);
+    }
     for (const std::string& note : notes) std::printf("  %s\n", note.c_str());
   }
   if (map.count(grid::Cell::kFree) == 0) {

@@ -42,6 +42,7 @@ gui_headless::ReportSection runLocalize(
   const auto map = std::make_shared<const grid::OccupancyMap>(io::loadMap(args.map, &notes));
   for (const std::string& note : notes) std::fprintf(stderr, "%s\n", note.c_str());
   amcl::requireUsable(*map, args.map);
+  const auto georeference = io::loadGeoreference(args.map);
   const pipeline::Config config = localizeConfig(args);
   io::RecordingOptions options;
   options.rig = config.rig;
@@ -51,7 +52,15 @@ gui_headless::ReportSection runLocalize(
   {
     ProgressBar bar("localize");
     result = pipeline::localize(
-        args.log, options, map, args.init, config, output.observers(), bar.callback(), args.hints);
+        args.log,
+        options,
+        map,
+        args.init,
+        config,
+        output.observers(),
+        bar.callback(),
+        args.hints,
+        georeference);
     wall_s = bar.wallSeconds();
   }
   output.timing(wall_s, result.data_s);
@@ -111,6 +120,16 @@ gui_headless::ReportSection runLocalize(
   s["particles_max"] = result.largest_particle_count;
   const Pose2& end = result.trajectory.back().pose;
   s["final_pose"] = {rounded(end.x, 6), rounded(end.y, 6), rounded(end.phi, 6)};
+  const pipeline::GeoUse& geo = result.geo;
+  const std::size_t geo_used = geo.fixes_in_search + geo.fixes_in_weights + geo.headings_in_search;
+  if (geo.fixes + geo_used > 0) {
+    s["geo"] = {
+        {"fixes", geo.fixes},
+        {"fixes_in_search", geo.fixes_in_search},
+        {"fixes_in_weights", geo.fixes_in_weights},
+        {"fixes_far", geo.fixes_far},
+        {"headings_in_search", geo.headings_in_search}};
+  }
   s["notes"] = result.notes;
 
   gui_headless::Scene scene;
@@ -126,6 +145,12 @@ gui_headless::ReportSection runLocalize(
   if (!args.init && result.found_at) {
     section.figures.push_back(
         figure("start unknown: place found after", fixed(result.found_after_m, 1), "m"));
+  }
+  if (geo_used > 0) {
+    section.figures.push_back(figure(
+        "GNSS fixes, headings taken in",
+        std::to_string(geo.fixes_in_search + geo.fixes_in_weights) + ", " +
+            std::to_string(geo.headings_in_search)));
   }
   const std::vector<gui_headless::Figure> shares{
       figure(
@@ -228,7 +253,12 @@ void addLocalize(CLI::App& app, int& exit_code) {
       ->required();
   auto* init = command->add_option(
       "--init", o->init, "start pose x_m,y_m,yaw_rad in the map; without it: --global");
-  command->add_flag("--global", o->global, "search the whole map for the start pose")
+  command
+      ->add_flag(
+          "--global",
+          o->global,
+          "search the whole map for the start pose; GNSS fixes and calibrated headings of LOG help "
+          "where MAP has a georeference (amcl.gnss.in_search)")
       ->excludes(init);
   command
       ->add_option(

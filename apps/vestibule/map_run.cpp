@@ -82,16 +82,8 @@ void summarise(const pipeline::MapDriveResult& r, const pipeline::Config& config
   s["held_out"]["matched_share"] = rounded(r.quality.held_out_matched_share, 6);
   s["sessions"] = sessionsJson(r.sessions, r.frames);
   if (r.georeference) {
-    const io::MapGeoreference& g = *r.georeference;
-    Json& j = s["georeference"];
-    j["datum"] = {g.datum.lat_deg, g.datum.lon_deg, g.datum.height_m};
-    j["T_map_grid"] = {
-        rounded(g.T_map_grid.x, 4),
-        rounded(g.T_map_grid.y, 4),
-        rounded(radToDeg(g.T_map_grid.phi), 4)};
-    j["sigma_m"] = {rounded(std::sqrt(g.cov(0, 0)), 4), rounded(std::sqrt(g.cov(1, 1)), 4)};
-    j["sigma_yaw_deg"] = rounded(radToDeg(std::sqrt(g.cov(2, 2))), 4);
-    j["rms_m"] = rounded(r.georeference_rms_m, 4);
+    s["georeference"] = georeferenceJson(*r.georeference);
+    s["georeference"]["rms_m"] = rounded(r.georeference_rms_m, 4);
   }
   if (r.finished) {
     const mapping::FinishResult& f = *r.finished;

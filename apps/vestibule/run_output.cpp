@@ -85,6 +85,18 @@ Json toJson(const metrics::Statistics& s, double unit) {
   return json;
 }
 
+Json georeferenceJson(const io::MapGeoreference& g) {
+  Json json;
+  json["datum"] = {g.datum.lat_deg, g.datum.lon_deg, g.datum.height_m};
+  json["T_map_grid"] = {
+      rounded(g.T_map_grid.x, 4),
+      rounded(g.T_map_grid.y, 4),
+      rounded(radToDeg(g.T_map_grid.phi), 4)};
+  json["sigma_m"] = {rounded(std::sqrt(g.cov(0, 0)), 4), rounded(std::sqrt(g.cov(1, 1)), 4)};
+  json["sigma_yaw_deg"] = rounded(radToDeg(std::sqrt(g.cov(2, 2))), 4);
+  return json;
+}
+
 std::string tumOf(const metrics::Trajectory& poses) {
   std::string text;
   for (const metrics::TimedPose& p : poses) text += io::formatTumLine({p.stamp, toPose3(p.pose)});

@@ -13,6 +13,7 @@
 #include "vestibule/gui_headless/run_recorder.hpp"
 #include "vestibule/gui_headless/scene.hpp"
 #include "vestibule/io/event_log.hpp"
+#include "vestibule/io/map_io.hpp"
 #include "vestibule/io/run_directory.hpp"
 #include "vestibule/metrics/trajectory.hpp"
 #include "vestibule/pipeline/config.hpp"
@@ -73,6 +74,9 @@ class RunOutput {
 [[nodiscard]] double rounded(double value, int decimals);
 
 [[nodiscard]] Json toJson(const metrics::Statistics& s, double unit = 1.0);
+
+/// Datum, pose and one sigma of where a map lies.
+[[nodiscard]] Json georeferenceJson(const io::MapGeoreference& georeference);
 
 /// A trajectory as the text of a TUM file.
 [[nodiscard]] std::string tumOf(const metrics::Trajectory& poses);

@@ -9,6 +9,9 @@
 #include "room_log.hpp"
 #include "vestibule/core/angles.hpp"
 #include "vestibule/core/params.hpp"
+#include "vestibule/geo/tangent_plane.hpp"
+#include "vestibule/io/rawlog_writer.hpp"
+#include "vestibule/io/recording.hpp"
 #include "vestibule/io/trajectory.hpp"
 #include "vestibule/pipeline/config.hpp"
 
@@ -283,6 +286,55 @@ TEST_F(EmptyRoom, WhatIsKnownOfTheStartDecidesWhichWayItIs) {
   }
   // The other way round, as told.
   EXPECT_NEAR(summaryWith({"--heading", "170,15"})["final_pose"][0].get<double>(), 4.5, 0.1);
+}
+
+TEST_F(EmptyRoom, FixesOfTheRecordingDecideWhereTheMapHasAGeoreference) {
+  // GIVEN a carrier-phase fix with every scan
+  const geo::TangentPlane plane({45.0, 7.0, 200.0});
+  const Pose2 T_enu_map{100.0, 50.0, degToRad(40.0)};
+  const std::string recording = path("gnss.rawlog");
+  io::RawlogWriter writer(recording);
+  const auto reader = io::openRecording(path("drive.log"), {});
+  int scans = 0;
+  while (const auto record = reader->next()) {
+    writer.write(record->measurement, record->source);
+    if (!std::holds_alternative<LaserScan>(record->measurement)) continue;
+    const Point2 p = transform(T_enu_map, Point2{1.5 + 0.1 * scans++, kY_m});
+    GnssFix fix;
+    fix.stamp = stampOf(record->measurement);
+    fix.type = GnssFixType::kRtkFixed;
+    fix.position = plane.toGeodetic({p.x, p.y, 0.0});
+    writer.write(fix, "GNSS");
+  }
+  writer.close();
+  const std::string georeferenced = file(
+      "geo.yaml",
+      readFile(path("room.yaml")) +
+          "georeference:\n  datum: [45, 7, 200]\n  T_map_grid: [100, 50, 40]\n");
+  const auto summaryIn = [&](const std::string& map) {
+    const CommandResult result =
+        run({"localize", recording, "--map", map, "--global", "--out", path("g")});
+    EXPECT_LE(result.exit_code, 1) << result.err;
+    return json::parse(readFile(path("g/summary.json")));
+  };
+
+  // WHEN the map does not say where it lies
+  const json without = summaryIn(path("room.yaml"));
+  // THEN they are of no use, which is said
+  EXPECT_EQ(without["final_state"], "unsure");
+  EXPECT_THAT(without["notes"].dump(), HasSubstr("the map has no georeference: 21 fixes not used"));
+
+  const json with = summaryIn(georeferenced);
+  EXPECT_EQ(with["final_state"], "sure");
+  EXPECT_NEAR(with["final_pose"][0].get<double>(), 3.5, 0.1);
+  EXPECT_GT(with["geo"]["fixes_in_search"], 2);
+  EXPECT_THAT(with["notes"].dump(), testing::Not(HasSubstr("georeference")));
+
+  EXPECT_THAT(run({"info", georeferenced}).out, HasSubstr("yaw 40.000 deg"));
+  ASSERT_EQ(run({"convert", georeferenced, path("again.yaml")}).exit_code, 0);
+  EXPECT_EQ(
+      json::parse(run({"info", path("again.yaml"), "--json"}).out)["georeference"],
+      json::parse(run({"info", georeferenced, "--json"}).out)["georeference"]);
 }
 
 TEST_F(Room, AStartOutsideOfTheMapIsToldAndALeapOfTheOdometryLeftOut) {

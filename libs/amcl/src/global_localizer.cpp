@@ -39,8 +39,10 @@ constexpr double kWellKnown = 0.85;
 constexpr double kUnknownScore = 0.35;
 // Shares of fitting beams that differ by less say the same.
 constexpr double kFitsAsWell = 0.03;
-// A place must be so much more likely when another one fits more of the beams.
+// A place must be so much more likely when another one fits more of the beams, or when a sensor
+// contradicts it: by this share of the most that it can say against a place.
 constexpr double kDoubtfulAdvantage = 2.0;
+constexpr double kContradicted = 0.7;
 // Two places nearer than this are one.
 constexpr double kSame_m = 0.35;
 constexpr double kSame_rad = degToRad(12.0);
@@ -49,6 +51,11 @@ constexpr double kAround_m = 1.0;
 constexpr double kAround_rad = degToRad(20.0);
 // The score that a prior can cost in the search, where it only ranks places.
 constexpr double kPriorScorePerNis = 0.002;
+// By the way since, what was learnt is known so much worse, one sigma.
+constexpr double kLearntSigmaPerM = 0.1;
+constexpr double kLearntSigmaPerM_rad = degToRad(1.0);
+// And is searched for within so many of them.
+constexpr double kLearntSigmas = 2.5;
 
 /// A scan that counts.
 struct Key {
@@ -71,6 +78,22 @@ struct Hypothesis {
   double inlier_share = 0.0;
   double known_share = 0.0;
   double blocked_share = 0.0;
+};
+
+/// What a sensor has said on the way.
+struct Learnt {
+  grid::PosePrior prior;
+  Pose2 T_odom_sensor;
+  double travelled_m = 0.0;
+
+  /// [1/m^2, 1/m^2, 1/rad^2] about the pose of then, told by odometry's way since.
+  [[nodiscard]] Eigen::Matrix3d informationAfter(double way_m) const {
+    const Eigen::Array3d sigma(
+        kLearntSigmaPerM * way_m, kLearntSigmaPerM * way_m, kLearntSigmaPerM_rad * way_m);
+    const Eigen::Array3d kept =
+        (1.0 + sigma.square() * prior.information.diagonal().array()).rsqrt();
+    return kept.matrix().asDiagonal() * prior.information * kept.matrix().asDiagonal();
+  }
 };
 
 Eigen::Matrix3d odometryInformation(const Pose2& T_before_after) {
@@ -101,9 +124,10 @@ struct GlobalLocalizer::Impl {
   grid::BaseMask free_space;
   grid::BranchAndBoundMatcher matcher;
 
-  std::optional<grid::PosePrior> prior;    // of the pose at start
-  std::optional<grid::SearchWindow> zone;  // of the pose at start
-  Pose2 T_odom_base;                       // odom: the pose at start
+  std::optional<grid::PosePrior> prior;             // of the pose at start
+  std::map<PriorKind, std::vector<Learnt>> learnt;  // since, oldest first
+  std::optional<grid::SearchWindow> zone;           // of the pose at start
+  Pose2 T_odom_base;                                // odom: the pose at start
   std::vector<Key> keys;
   Views seen;                          // of surface in odom
   std::vector<Hypothesis> hypotheses;  // best first
@@ -248,21 +272,68 @@ struct GlobalLocalizer::Impl {
     return window;
   }
 
+  /// What was learnt last, of the present pose. A position may by now lie anywhere within the way
+  /// since, for nothing tells in which direction the robot went.
+  [[nodiscard]] std::optional<grid::PosePrior> learntNow() const {
+    if (learnt.empty()) return std::nullopt;
+    grid::PosePrior now;
+    now.max_d2 = 0.0;
+    for (const auto& [kind, readings] : learnt) {
+      const Learnt& l = readings.back();
+      now.max_d2 = std::max(now.max_d2, l.prior.max_d2);
+      if (kind == PriorKind::kHeading) {
+        now.T_map_base.phi =
+            wrapToPi(l.prior.T_map_base.phi + T_odom_base.phi - l.T_odom_sensor.phi);
+        now.information(2, 2) = l.informationAfter(travelled_m - l.travelled_m)(2, 2);
+      } else {
+        now.T_map_base.x = l.prior.T_map_base.x;
+        now.T_map_base.y = l.prior.T_map_base.y;
+        const double off_m = travelled_m - l.travelled_m + distance(l.T_odom_sensor, T_odom_base);
+        const double information = l.prior.information(0, 0);
+        now.information(0, 0) = now.information(1, 1) =
+            information / (1.0 + off_m * off_m * information);
+      }
+    }
+    return now;
+  }
+
+  /// Where what was learnt says that the robot is.
+  [[nodiscard]] grid::SearchWindow windowAbout(const grid::PosePrior& now) const {
+    grid::SearchWindow window = grid::wholeField(field);
+    if (now.information(0, 0) > 0.0) {
+      window.T_map_centre.x = now.T_map_base.x;
+      window.T_map_centre.y = now.T_map_base.y;
+      window.half_x_m = window.half_y_m = kLearntSigmas / std::sqrt(now.information(0, 0));
+    }
+    if (now.information(2, 2) > 0.0) {
+      window.T_map_centre.phi = now.T_map_base.phi;
+      window.half_yaw_rad = std::min(kPi, kLearntSigmas / std::sqrt(now.information(2, 2)));
+    }
+    return window;
+  }
+
   void search() {
     ++searches;
     searched_at_m = travelled_m;
     next_search_m =
         searches == 1 ? params.first_search_m : std::min(2.0 * next_search_m, params.max_search_m);
-    // The prior ranks the places of a first search, while it speaks of the same pose.
-    std::optional<grid::PosePrior> ranking;
-    if (prior && travelled_m == 0.0) ranking = prior;
+    const std::optional<grid::PosePrior> now = learntNow();
+    // The prior of the start ranks the places while it speaks of the same pose.
+    std::optional<grid::PosePrior> ranking = prior && travelled_m == 0.0 ? prior : now;
     if (ranking) ranking->weight = kPriorScorePerNis;
+    std::vector<grid::SearchWindow> windows{window()};
+    // Places that fit worse than those elsewhere are no matches there, but may be the best here.
+    if (now && !zone) windows.push_back(windowAbout(*now));
     const std::vector<Point2> points = searchPoints();
-    add(matcher.match(field, points, window(), &free_space, ranking));
-    rank();
-    if (hypotheses.empty() || hypotheses.front().known_share < kWellKnown) {
-      add(matcher.match(lenient_field, points, window(), &free_space, ranking));
+    const auto searchIn = [&](const grid::ScoreField& scores) {
+      for (const grid::SearchWindow& w : windows) {
+        add(matcher.match(scores, points, w, &free_space, ranking));
+      }
       rank();
+    };
+    searchIn(field);
+    if (hypotheses.empty() || hypotheses.front().known_share < kWellKnown) {
+      searchIn(lenient_field);
     }
   }
 
@@ -294,6 +365,22 @@ struct GlobalLocalizer::Impl {
     return sum;
   }
 
+  /// Squared Mahalanobis distance of a place to what a sensor has said: the mean over its readings,
+  /// for they err alike and are one opinion, and of sharp ones before blunt ones.
+  [[nodiscard]] double strainOf(
+      const std::vector<Learnt>& readings, const Pose2& T_map_start) const {
+    double sum = 0.0;
+    double weight = 0.0;
+    for (const Learnt& l : readings) {
+      const Eigen::Matrix3d information = l.informationAfter(travelled_m - l.travelled_m);
+      const double d2 =
+          mahalanobis2(compose(T_map_start, l.T_odom_sensor), l.prior.T_map_base, information);
+      sum += information.trace() * std::min(d2, l.prior.max_d2);
+      weight += information.trace();
+    }
+    return weight > 0.0 ? sum / weight : 0.0;
+  }
+
   /// Sums the evidence, best first; what is a double of a better one or hopeless goes.
   void rank() {
     for (Hypothesis& h : hypotheses) {
@@ -311,6 +398,7 @@ struct GlobalLocalizer::Impl {
                                     mahalanobis2(atStart(h), prior->T_map_base, prior->information),
                                     prior->max_d2);
       }
+      for (const auto& [kind, all] : learnt) h.log_evidence -= 0.5 * strainOf(all, atStart(h));
     }
     std::stable_sort(
         hypotheses.begin(), hypotheses.end(), [](const Hypothesis& a, const Hypothesis& b) {
@@ -351,6 +439,13 @@ struct GlobalLocalizer::Impl {
     });
   }
 
+  [[nodiscard]] bool contradicted(const Hypothesis& h) const {
+    return std::any_of(learnt.begin(), learnt.end(), [&](const auto& of_kind) {
+      const std::vector<Learnt>& readings = of_kind.second;
+      return strainOf(readings, atStart(h)) > kContradicted * readings.back().prior.max_d2;
+    });
+  }
+
   /// Log odds of the best place against all others.
   [[nodiscard]] double advantage() const {
     double others = 0.0;
@@ -364,8 +459,8 @@ struct GlobalLocalizer::Impl {
     if (hypotheses.empty() || !fits(hypotheses.front())) return PlaceState::kNowhere;
     const bool seen_enough =
         counted >= params.min_keys && travelled_m >= params.min_travel_m && searches >= 2;
-    const double needed =
-        params.min_advantage * (fitsBest(hypotheses.front()) ? 1.0 : kDoubtfulAdvantage);
+    const bool doubtful = !fitsBest(hypotheses.front()) || contradicted(hypotheses.front());
+    const double needed = params.min_advantage * (doubtful ? kDoubtfulAdvantage : 1.0);
     return seen_enough && advantage() >= needed ? PlaceState::kSure : PlaceState::kUnsure;
   }
 };
@@ -379,6 +474,7 @@ GlobalLocalizer::~GlobalLocalizer() = default;
 void GlobalLocalizer::start(
     const std::optional<grid::PosePrior>& prior, const std::optional<grid::SearchWindow>& zone) {
   impl_->prior = prior;
+  impl_->learnt.clear();
   impl_->zone = zone;
   impl_->T_odom_base = {};
   impl_->keys.clear();
@@ -387,6 +483,29 @@ void GlobalLocalizer::start(
   impl_->travelled_m = 0.0;
   impl_->searches = 0;
   impl_->counted = 0;
+}
+
+bool GlobalLocalizer::learn(
+    PriorKind kind, const grid::PosePrior& prior, const Pose2& T_base_sensor) {
+  Impl& s = *impl_;
+  if (!isFinite(prior.T_map_base) || !prior.information.allFinite() || !isFinite(T_base_sensor)) {
+    return false;
+  }
+  const Learnt now{prior, compose(s.T_odom_base, T_base_sensor), s.travelled_m};
+  std::vector<Learnt>& readings = s.learnt[kind];
+  const auto placeOf = [&](const Learnt& l) {
+    return std::floor(l.travelled_m / s.params.key_distance_m);
+  };
+  if (!readings.empty() && placeOf(readings.back()) == placeOf(now)) {
+    if (readings.back().prior.information.trace() > prior.information.trace()) return false;
+    readings.back() = now;
+    return true;
+  }
+  if (readings.size() == static_cast<std::size_t>(s.params.max_keys)) {
+    readings.erase(readings.begin());
+  }
+  readings.push_back(now);
+  return true;
 }
 
 void GlobalLocalizer::process(const WheelOdometry& odometry) {

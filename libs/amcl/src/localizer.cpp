@@ -345,6 +345,14 @@ void Localizer::process(const WheelOdometry& odometry, YawSource yaw_source) {
   s.since_share_m += translationNorm(odometry.T_previous_now);
 }
 
+bool Localizer::learn(PriorKind kind, const grid::PosePrior& prior, const Pose2& T_base_sensor) {
+  return impl_->looking && impl_->global.learn(kind, prior, T_base_sensor);
+}
+
+void Localizer::process(const Point2& p_map_base, double sigma_m) {
+  if (!impl_->searching) impl_->particles.process(p_map_base, sigma_m);
+}
+
 ScanReport Localizer::process(const LaserScan& scan) {
   Impl& s = *impl_;
   ScanReport report;

@@ -60,6 +60,7 @@ void describe(ParamIo& io, Resampling& p) {
 }
 
 void describe(ParamIo& io, GnssTerm& p) {
+  io.optional("in_search", p.in_search);
   io.optional("enabled", p.enabled);
   io.optional("min_sigma_m", p.min_sigma_m, positive());
   io.optional("clutter", p.clutter, inside(0.0, 1.0));

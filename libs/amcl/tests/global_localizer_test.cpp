@@ -155,6 +155,135 @@ TEST(GlobalLocalizer, APriorDecidesBetweenEqualPlacesButDoesNotHideABetterOne) {
   EXPECT_LT(distance(localizer.places().front().T_map_base.mean, other.truth()), 0.1);
 }
 
+/// What an antenna at `p_map` says.
+grid::PosePrior fixAt(const Point2& p_map, double sigma_m) {
+  grid::PosePrior prior;
+  prior.T_map_base = {p_map.x, p_map.y, 0.0};
+  prior.information(0, 0) = prior.information(1, 1) = 1.0 / (sigma_m * sigma_m);
+  prior.max_d2 = 20.0;
+  return prior;
+}
+
+grid::PosePrior headingOf(double yaw_rad) {
+  grid::PosePrior prior;
+  prior.T_map_base.phi = yaw_rad;
+  prior.information(2, 2) = 1.0 / (0.2 * 0.2);
+  prior.max_d2 = 20.0;
+  return prior;
+}
+
+TEST(GlobalLocalizer, AFixOnTheWayDecidesBetweenEqualRooms) {
+  // GIVEN a robot that is in one of four equal rooms
+  Robot robot(fourRooms(), {8.0, 2.5, 1.0});
+  GlobalLocalizer localizer(oneThread(), robot.map);
+  localizer.start();
+  localizer.process(robot.scan());
+  robot.goTo({9.0, 4.0}, localizer);
+  robot.goTo({7.5, 3.0}, localizer);
+  ASSERT_EQ(localizer.state(), PlaceState::kUnsure);
+
+  // WHEN its antenna, which stands out by as much as a room, gets a fix, and it drives on
+  const double yaw_rad = robot.T_grid_base.phi;
+  const Pose2 T_base_antenna{6.0 * std::cos(yaw_rad), -6.0 * std::sin(yaw_rad), 0.0};
+  const Pose2 T_map_antenna = compose(robot.truth(), T_base_antenna);
+  EXPECT_TRUE(localizer.learn(
+      PriorKind::kPosition, fixAt({T_map_antenna.x, T_map_antenna.y}, 1.0), T_base_antenna));
+  robot.goTo({9.0, 4.0}, localizer);
+
+  // THEN it knows its room
+  EXPECT_EQ(localizer.state(), PlaceState::kSure);
+  EXPECT_THAT(localizer.places().front().T_map_base.mean, poseNear(robot.truth(), 0.15, 0.05));
+}
+
+TEST(GlobalLocalizer, WhatIsLearntWronglyDoesNotHideThePlaceThatFits) {
+  // GIVEN a robot at the corridor's end, which is like nothing else
+  Robot robot(fourRooms(), {5.0, 7.2, 3.0});
+  GlobalLocalizer localizer(oneThread(), robot.map);
+  localizer.start();
+
+  // WHEN fix and compass put it into a room far off, again and again
+  const auto mislead = [&] {
+    const Pose2 T_map_there = compose(robot.map->T_map_grid(), Pose2{20.0, 2.5, 0.0});
+    localizer.learn(PriorKind::kPosition, fixAt({T_map_there.x, T_map_there.y}, 1.0));
+    localizer.learn(PriorKind::kHeading, headingOf(robot.truth().phi + 2.0));
+  };
+  mislead();
+  localizer.process(robot.scan());
+  for (const Point2& to : {Point2{3.5, 7.2}, Point2{6.5, 7.0}, Point2{3.0, 7.3}}) {
+    mislead();
+    robot.goTo(to, localizer);
+  }
+
+  // THEN it is sure all the same
+  EXPECT_EQ(localizer.state(), PlaceState::kSure);
+  EXPECT_THAT(localizer.places().front().T_map_base.mean, poseNear(robot.truth(), 0.15, 0.05));
+}
+
+TEST(GlobalLocalizer, OfTheFixesAtOnePlaceTheSharpestCounts) {
+  Robot robot(fourRooms(), {8.0, 2.5, 1.0});
+  GlobalLocalizer localizer(oneThread(), robot.map);
+  localizer.start();
+  const auto learn = [&](double sigma_m) {
+    return localizer.learn(PriorKind::kPosition, fixAt({0.0, 0.0}, sigma_m));
+  };
+  EXPECT_TRUE(learn(1.0));
+  EXPECT_FALSE(learn(2.0));
+  EXPECT_FALSE(learn(std::numeric_limits<double>::quiet_NaN()));
+  EXPECT_TRUE(learn(1.0)) << "as sharp, and newer";
+  EXPECT_TRUE(localizer.learn(PriorKind::kHeading, headingOf(0.0))) << "another kind";
+
+  robot.goTo({9.0, 4.0}, localizer);
+  EXPECT_TRUE(learn(2.0)) << "elsewhere";
+
+  localizer.start();
+  EXPECT_TRUE(learn(5.0)) << "a new search knows nothing of the one before";
+}
+
+TEST(GlobalLocalizer, OneFixThatIsFarOffIsOutvotedByTheOthers) {
+  // GIVEN a robot in one of four equal rooms, 6 m apart, and fixes of its own room
+  Robot robot(fourRooms(), {8.0, 2.5, 1.0});
+  GlobalLocalizer localizer(oneThread(), robot.map);
+  localizer.start();
+  const auto learn = [&](double off_m) {
+    const Pose2 T_grid{robot.T_grid_base.x + off_m, robot.T_grid_base.y, 0.0};
+    const Pose2 T_map = compose(robot.map->T_map_grid(), T_grid);
+    localizer.learn(PriorKind::kPosition, fixAt({T_map.x, T_map.y}, 1.0));
+  };
+  const std::vector<Point2> corners{{9.0, 4.0}, {7.5, 3.0}, {9.0, 4.0}, {8.0, 2.5}, {9.0, 4.0}};
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    learn(0.0);
+    localizer.process(robot.scan());
+    robot.goTo(corners[i], localizer);
+  }
+  ASSERT_EQ(localizer.state(), PlaceState::kSure);
+
+  // WHEN the last one is of the next room
+  learn(6.0);
+  robot.goTo({8.0, 2.5}, localizer);
+
+  // THEN the room stays the likeliest
+  EXPECT_THAT(localizer.places().front().T_map_base.mean, poseNear(robot.truth(), 0.15, 0.05));
+}
+
+TEST(GlobalLocalizer, APlaceThatASensorContradictsMustBeMuchLikelier) {
+  const auto stateWith = [](double heading_error_rad) {
+    // GIVEN a robot in one of four equal rooms that was told which
+    Robot robot(fourRooms(), {8.0, 2.5, 1.0});
+    GlobalLocalizer localizer(oneThread(), robot.map);
+    localizer.start(fixAt({robot.truth().x, robot.truth().y}, 1.0));
+    localizer.process(robot.scan());
+    // WHEN it has a compass, which says the same of all of them
+    for (const Point2& to : {Point2{9.0, 4.0}, Point2{7.5, 3.0}, Point2{9.0, 4.0}}) {
+      localizer.learn(PriorKind::kHeading, headingOf(robot.truth().phi + heading_error_rad));
+      robot.goTo(to, localizer);
+    }
+    EXPECT_LT(distance(localizer.places().front().T_map_base.mean, robot.truth()), 0.15);
+    return localizer.state();
+  };
+  EXPECT_EQ(stateWith(0.0), PlaceState::kSure);
+  EXPECT_EQ(stateWith(2.0), PlaceState::kUnsure);
+}
+
 TEST(GlobalLocalizer, SearchesOnlyTheZone) {
   Robot robot(fourRooms(), {8.0, 2.5, 1.0});
   GlobalLocalizer localizer(oneThread(), robot.map);
@@ -323,6 +452,28 @@ TEST(Localizer, NoticesThatItWasCarriedAwayAndFindsItself) {
   EXPECT_GT(modes.indoor, before);
   EXPECT_FALSE(localizer.searching());
   EXPECT_THAT(localizer.pose().mean, poseNear(robot.truth(), 0.1, 0.03));
+}
+
+TEST(Localizer, TakesFixesInWhileItSearchesOnly) {
+  Robot robot(fourRooms(), {8.0, 2.5, 1.0});
+  AmclParams params;
+  params.global = oneThread();
+  Localizer localizer(params, robot.map, 5);
+  const Pose2 truth = robot.truth();
+  localizer.startAt({truth, Eigen::Vector3d(0.02, 0.02, 0.005).asDiagonal()});
+  EXPECT_FALSE(localizer.learn(PriorKind::kPosition, fixAt({truth.x, truth.y}, 1.0)));
+
+  // WHEN it starts anywhere, with a fix before the first scan
+  localizer.startAnywhere();
+  EXPECT_TRUE(localizer.learn(PriorKind::kPosition, fixAt({truth.x, truth.y}, 1.0)));
+  localizer.process(robot.scan());
+  robot.goTo({9.0, 4.0}, localizer);
+  robot.goTo({7.5, 3.0}, localizer);
+
+  // THEN it has found its room of four, and has no use for more
+  EXPECT_FALSE(localizer.searching());
+  EXPECT_THAT(localizer.pose().mean, poseNear(robot.truth(), 0.1, 0.03));
+  EXPECT_FALSE(localizer.learn(PriorKind::kPosition, fixAt({truth.x, truth.y}, 1.0)));
 }
 
 TEST(ScanContinuity, HoldsWhileTheRobotDrivesAndTurnsAndBreaksWhenItIsCarriedAway) {

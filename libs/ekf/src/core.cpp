@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "vestibule/core/angles.hpp"
+#include "vestibule/ekf/claims.hpp"
 
 namespace vestibule::ekf {
 namespace {
@@ -243,18 +244,11 @@ UpdateReport Core::initialise(const MapFix& fix, const GnssScreen::Worth& worth)
   UpdateReport report = rejected("not ready");
   last_fix_ = UsableFix{fix, worth.R};
   const Pose2 T_odom_base = odometry_.pose().mean;
-  const HeadingParams& p = params().heading;
-  const double sigma =
-      heading_ ? std::max(heading_->sigma_rad.value_or(0.0), p.sigma_rad) : p.sigma_rad;
-  const bool calibrated = heading_ && heading_->offset_sigma_rad;
-  // A sensor that doubts itself is not trusted, whatever the configuration says.
-  if ((params().init.trust_heading || calibrated) && heading_ &&
-      sigma <= params().init.max_yaw_sigma_rad &&
-      std::abs(toSeconds(fix.stamp - heading_->stamp)) < kHeadingAge_s) {
-    const double offset_sigma = heading_->offset_sigma_rad.value_or(p.offset_sigma_rad);
-    // A calibration knows nothing of the steel the robot starts beside.
-    const double passing_sigma = calibrated ? p.disturbance_sigma_rad : 0.0;
-    begin(fix, worth.R, heading_->yaw_rad, std::hypot(sigma, offset_sigma, passing_sigma));
+  const bool is_fresh =
+      heading_ && std::abs(toSeconds(fix.stamp - heading_->stamp)) < kHeadingAge_s;
+  const auto yaw_sigma = is_fresh ? absoluteSigma(*heading_, params()) : std::nullopt;
+  if (yaw_sigma) {
+    begin(fix, worth.R, heading_->yaw_rad, *yaw_sigma);
   } else {
     alignment_.add(
         fix.stamp,

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "vestibule/ekf/claims.hpp"
+
 namespace vestibule::ekf {
 namespace {
 
@@ -28,22 +30,6 @@ FixKind kindOf(GnssFixType type) {
     default:
       return FixKind::kCode;
   }
-}
-
-double floorOf(GnssFixType type, const GnssParams& p) {
-  switch (type) {
-    case GnssFixType::kRtkFixed:
-      return p.sigma_rtk_fixed_m;
-    case GnssFixType::kRtkFloat:
-      return p.sigma_rtk_float_m;
-    case GnssFixType::kDifferential:
-      return p.sigma_differential_m;
-    case GnssFixType::kSingle:
-    case GnssFixType::kUnknown:
-    case GnssFixType::kNone:
-      break;
-  }
-  return p.sigma_single_m;
 }
 
 }  // namespace
@@ -73,7 +59,7 @@ GnssScreen::Worth GnssScreen::assess(const MapFix& fix) {
     return worth;
   }
   worth.kind = kindOf(fix.type);
-  double least = floorOf(fix.type, gnss);
+  double least = leastSigma(fix.type, gnss);
   // A dilution of precision scales code errors, both axes together; carrier-phase fixes carry their
   // own floor.
   if (fix.hdop && std::isfinite(*fix.hdop) && worth.kind != FixKind::kCarrierPhase) {

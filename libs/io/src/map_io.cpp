@@ -216,10 +216,14 @@ bool endsWith(const std::string& text, std::string_view end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
 
+bool isMapServer(const std::string& path) {
+  return endsWith(path, ".yaml") || endsWith(path, ".yml");
+}
+
 }  // namespace
 
 grid::OccupancyMap loadMap(const std::string& path, std::vector<std::string>* notes) {
-  if (endsWith(path, ".yaml") || endsWith(path, ".yml")) return loadMapServer(path, notes);
+  if (isMapServer(path)) return loadMapServer(path, notes);
   if (endsWith(path, ".gridmap") || endsWith(path, ".gridmap.gz")) {
     COccupancyGridMap2D grid;
     readMrptObject(path, grid, "MRPT grid map");
@@ -237,6 +241,11 @@ grid::OccupancyMap loadMap(const std::string& path, std::vector<std::string>* no
       path +
       ": unknown kind of map; give a map_server .yaml, .simplemap[.gz], .gridmap[.gz] or the "
       ".dat[.gz] of the Wean Hall recordings");
+}
+
+std::optional<MapGeoreference> loadGeoreference(const std::string& path) {
+  if (!isMapServer(path)) return std::nullopt;
+  return readMapYaml(path).georeference;
 }
 
 bool isMap(const std::string& path) {

@@ -57,6 +57,9 @@ void describe(ParamIo& io, MapGeoreference& g) {
     for (int j = 0; j < 3; ++j)
       g.cov(i, j) = rows[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];
   }
+  if (!(g.cov.diagonal().minCoeff() >= 0.0)) {
+    io.problem("covariance", "must not have negative variances");
+  }
 }
 
 void describe(ParamIo& io, MapYaml& yaml) {

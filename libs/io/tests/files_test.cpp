@@ -335,8 +335,19 @@ TEST(MapIo, AGeoreferenceIsWrittenAndDoesNotDisturb) {
           HasSubstr("T_map_grid: [10, -20.5, 28.6478"),
           HasSubstr("    - [0, 0.09, 0]")));
   EXPECT_EQ(loadMap((folder / "g.yaml").string()).count(Cell::kOccupied), 1U);
+  const auto back = loadGeoreference((folder / "g.yaml").string());
+  ASSERT_TRUE(back);
+  EXPECT_EQ(back->datum.lat_deg, 47.5);
+  EXPECT_THAT(back->T_map_grid, poseNear(g.T_map_grid, 1e-12, 1e-12));
+  EXPECT_EQ(back->cov, g.cov);
+  saveMapServer(map, (folder / "plain.yaml").string(), (folder / "plain.pgm").string());
+  EXPECT_FALSE(loadGeoreference((folder / "plain.yaml").string()));
+  EXPECT_FALSE(loadGeoreference("map.gridmap"));
   writeFile(folder / "bad.yaml", readFile(folder / "g.yaml") + "  datums: [1, 2, 3]\n");
   EXPECT_THAT(mapError((folder / "bad.yaml").string()), HasSubstr("georeference.datums"));
+  g.cov(1, 1) = -0.09;
+  saveMapServer(map, (folder / "bad.yaml").string(), (folder / "bad.pgm").string(), {}, g);
+  EXPECT_THAT(mapError((folder / "bad.yaml").string()), HasSubstr("negative variances"));
 }
 
 TEST(SimpleMap, ComesBackWithSessionsAndPoses) {

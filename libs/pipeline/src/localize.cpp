@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "geo_hints.hpp"
 #include "vestibule/amcl/localizer.hpp"
 #include "vestibule/core/errors.hpp"
 #include "vestibule/ekf/filter.hpp"
@@ -13,9 +14,6 @@ namespace {
 // What a person who types or clicks a start pose is good for.
 constexpr double kInitSigma_m = 0.25;
 constexpr double kInitSigma_rad = degToRad(8.0);
-// What a hint can cost a place, twice its log odds: enough to be believed between places that fit
-// alike (8), and no more than other scans can outvote.
-constexpr double kHintMaxD2 = 20.0;
 
 /// Wheels alone, or once there is a gyro in the recording the odometry filter, whose turns are the
 /// gyro's: the wheels of a skid-steer robot do not know how far it turned.
@@ -79,17 +77,6 @@ class LeapGuard {
   bool began_ = false;
 };
 
-/// From the map's rectangle; 0 inside.
-double distanceFrom(const grid::OccupancyMap& map, const Pose2& T_map_base) {
-  const Point2 p = transform(inverse(map.T_map_grid()), Point2{T_map_base.x, T_map_base.y});
-  const auto beyond = [&](double at, double corner, int cells) {
-    const double along = at - corner;
-    return std::max({0.0, -along, along - cells * map.resolution()});
-  };
-  return std::hypot(
-      beyond(p.x, map.corner().x, map.width()), beyond(p.y, map.corner().y, map.height()));
-}
-
 std::optional<grid::PosePrior> priorFrom(const StartHints& hints) {
   if (!hints.near && !hints.heading) return std::nullopt;
   grid::PosePrior prior;
@@ -134,7 +121,8 @@ LocalizeResult localize(
     const Config& config,
     const Observers& observers,
     const Progress& progress,
-    const StartHints& hints) {
+    const StartHints& hints,
+    const std::optional<io::MapGeoreference>& georeference) {
   const auto reader = io::openRecording(recording_path, recording_options);
   amcl::Localizer localizer(config.amcl, map, config.seed, &observers);
   double outside_m = 0.0;  // of the map, the start pose
@@ -145,7 +133,7 @@ LocalizeResult localize(
                                     kInitSigma_rad * kInitSigma_rad)
                                     .asDiagonal();
     localizer.startAt({*T_map_base_init, cov});
-    outside_m = distanceFrom(*map, *T_map_base_init);
+    outside_m = map->rectangle().outside({T_map_base_init->x, T_map_base_init->y});
     if (!(outside_m <= kFarFromMap_m)) {
       throw ConfigError(
           "the start pose is " + std::to_string(outside_m) +
@@ -166,6 +154,7 @@ LocalizeResult localize(
   std::optional<Timestamp> last;
   GyroOdometry odometry_source(config.ekf);
   LeapGuard leaps(observers);
+  GeoHints geo(config, *map, georeference, observers);
   while (const auto record = reader->next()) {
     if (const auto* wheels = std::get_if<WheelOdometry>(&record->measurement)) {
       ++odometry_count;
@@ -175,6 +164,10 @@ LocalizeResult localize(
       odometry_m += translationNorm(odometry.T_previous_now);
     } else if (const auto* imu = std::get_if<Imu>(&record->measurement)) {
       odometry_source.process(*imu);
+    } else if (const auto* fix = std::get_if<GnssFix>(&record->measurement)) {
+      geo.process(*fix, reader->rig().p_base_antenna, localizer);
+    } else if (const auto* heading = std::get_if<Heading>(&record->measurement)) {
+      geo.process(*heading, localizer);
     } else if (const auto* scan = std::get_if<LaserScan>(&record->measurement)) {
       if (!first && outside_m > 0.0) {
         observers.emit(WarningEvent{
@@ -210,7 +203,10 @@ LocalizeResult localize(
   result.recoveries = localizer.recoveries();
   result.searches = localizer.searches();
   result.final_state = std::string(amcl::toString(localizer.state()));
+  result.geo = geo.use();
   result.notes = reader->notes();
+  const std::vector<std::string> geo_notes = geo.notes();
+  result.notes.insert(result.notes.end(), geo_notes.begin(), geo_notes.end());
   if (result.trajectory.empty()) {
     throw InputError(
         recording_path + ": no laser scan in it, which localization needs (see vestibule info)");

@@ -349,17 +349,7 @@ class Drive {
       if (!plane) plane.emplace(*position);
       const Eigen::Vector2d p_enu = antennaInMap(f.fix, plane).head<2>();
       const Point2 p_map = transform(compose(nodes_[f.scan].T_map_base, f.T_scan_base), antenna);
-      double sigma_m = config_.ekf.gnss.sigma_single_m;
-      if (f.fix.cov_enu && (*f.fix.cov_enu)(0, 0) > 0.0) {
-        sigma_m = std::sqrt(0.5 * ((*f.fix.cov_enu)(0, 0) + (*f.fix.cov_enu)(1, 1)));
-      } else if (f.fix.type == GnssFixType::kRtkFixed) {
-        sigma_m = config_.ekf.gnss.sigma_rtk_fixed_m;
-      } else if (f.fix.type == GnssFixType::kRtkFloat) {
-        sigma_m = config_.ekf.gnss.sigma_rtk_float_m;
-      } else if (f.fix.type == GnssFixType::kDifferential) {
-        sigma_m = config_.ekf.gnss.sigma_differential_m;
-      }
-      pairs.push_back({p_enu, p_map, sigma_m});
+      pairs.push_back({p_enu, p_map, claimedSigma(f.fix, config_.ekf.gnss)});
     }
     const double per_s = static_cast<double>(pairs.size()) / std::max(r.data_s, 1.0);
     const auto fit = geo::fitGeoreference(pairs, 2.0 * config_.ekf.gnss.correlation_s * per_s);

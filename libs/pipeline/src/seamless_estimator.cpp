@@ -1,7 +1,6 @@
 #include "vestibule/pipeline/seamless_estimator.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 #include "vestibule/pipeline/gnss_input.hpp"
 
@@ -96,15 +95,10 @@ void SeamlessEstimator::onFix(const GnssFix& fix) {
   last_fix_ = last_fix_ ? std::max(*last_fix_, fix.stamp) : fix.stamp;
   const auto particles = localizers_.pose();
   if (!particles || !config_.amcl.gnss.enabled) return;
-  // The antenna's place on the robot is turned by where the particles face.
-  const Pose2 T_map_base = particles->mean;
-  const Point2 p_map_own = transform(T_map_base, config_.rig.p_base_antenna);
-  const Point2 p_map_base{
-      p_map_antenna.x() - (p_map_own.x - T_map_base.x),
-      p_map_antenna.y() - (p_map_own.y - T_map_base.y)};
-  const double sigma_m = fix.cov_enu ? std::sqrt(0.5 * fix.cov_enu->topLeftCorner<2, 2>().trace())
-                                     : config_.ekf.gnss.sigma_single_m;
-  localizers_.process(p_map_base, sigma_m);
+  localizers_.process(
+      baseInMap(
+          {p_map_antenna.x(), p_map_antenna.y()}, particles->mean, config_.rig.p_base_antenna),
+      claimedSigma(fix, config_.ekf.gnss));
 }
 
 void SeamlessEstimator::seedParticles() {

@@ -20,6 +20,9 @@ enum class PlaceState {
 };
 [[nodiscard]] std::string_view toString(PlaceState state);
 
+/// What a sensor tells of the pose on the way.
+enum class PriorKind { kPosition, kHeading };
+
 /// A place and how it fits.
 struct Place {
   PoseWithCovariance T_map_base;
@@ -46,6 +49,15 @@ class GlobalLocalizer {
   void start(
       const std::optional<grid::PosePrior>& prior = {},
       const std::optional<grid::SearchWindow>& zone = {});
+
+  /// What a sensor (GNSS, compass) says of the present pose, as start()'s prior, from the next scan
+  /// that counts on. Readings of one kind err alike: together they cost a place what they do on
+  /// average, each by how sharp it is and, after some way by odometry, still is. Of readings at one
+  /// place (key_distance_m) the sharpest counts, of equal ones the newest.
+  /// \param prior       about x and y alone, or about the yaw alone, as `kind` says
+  /// \param T_base_sensor of what the prior speaks of: the antenna
+  /// \return whether it counts; what is not a number does not
+  bool learn(PriorKind kind, const grid::PosePrior& prior, const Pose2& T_base_sensor = {});
 
   void process(const WheelOdometry& odometry);
   /// \return true if the scan counted (the first, then after enough motion)

@@ -35,6 +35,12 @@ class Localizer {
       const std::optional<grid::SearchWindow>& zone = {});
 
   void process(const WheelOdometry& odometry, YawSource yaw_source = YawSource::kWheels);
+  /// What a sensor says of the present pose (GlobalLocalizer::learn), for the search that runs. One
+  /// that begins later asks anew: the robot may have been carried since.
+  /// \return whether a search takes it in
+  bool learn(PriorKind kind, const grid::PosePrior& prior, const Pose2& T_base_sensor = {});
+  /// Weighs the particles by a position (ParticleLocalizer::process) while they track.
+  void process(const Point2& p_map_base, double sigma_m);
   /// \pre started. While searching the report is not trusted and has the pose and the shares of the
   /// best place.
   ScanReport process(const LaserScan& scan);

@@ -92,9 +92,11 @@ struct RecoveryParams {
   double max_blocked_share = 0.25;
 };
 
-/// GNSS fixes as one more term of the particles' weights, where a map is georeferenced.
+/// GNSS fixes, where a map is georeferenced: as one more term of the particles' weights, and, with
+/// headings that can be trusted, as what is known beforehand when the map is searched.
 struct GnssTerm {
-  bool enabled = false;
+  bool in_search = true;     ///< as a prior of searches
+  bool enabled = false;      ///< as a term of the weights
   double min_sigma_m = 1.0;  ///< fixes are never held for better than this
   double clutter = 0.05;     ///< a fix may be wrong: density anywhere, against 1 at the fix
 };

@@ -33,6 +33,10 @@ struct MapGeoreference {
 [[nodiscard]] grid::OccupancyMap loadMap(
     const std::string& path, std::vector<std::string>* notes = nullptr);
 
+/// Where a map that loadMap() takes lies on the earth: the section `georeference` of a map YAML, as
+/// saveMapServer() writes it. Empty where nobody said. Throws as loadMap().
+[[nodiscard]] std::optional<MapGeoreference> loadGeoreference(const std::string& path);
+
 /// Whether a file is one that loadMap() takes, by its name; a .dat[.gz], which may as well be a
 /// recording, by its first word. False for what cannot be read.
 [[nodiscard]] bool isMap(const std::string& path);
@@ -41,7 +45,8 @@ struct MapGeoreference {
 /// free). The YAML names the image relative to itself. loadMap() gives the same cells and pose.
 /// \param image_name  name of the image as the YAML shall write it, when the files are renamed
 ///                    later; empty = the file name of image_path
-/// \param georeference written as a section that map_server does not look at
+/// \param georeference written as a section that map_server does not look at; loadGeoreference()
+///                    reads it
 /// Throws InputError when a file cannot be written.
 void saveMapServer(
     const grid::OccupancyMap& map,

@@ -14,6 +14,13 @@ namespace vestibule::pipeline {
 [[nodiscard]] Eigen::Vector3d antennaInMap(
     const GnssFix& fix, const std::optional<geo::TangentPlane>& plane);
 
+/// Standard deviation per axis [m] as the receiver claims it, or the least of the fix's type.
+[[nodiscard]] double claimedSigma(const GnssFix& fix, const ekf::GnssParams& params);
+
+/// Where a fix puts the base of a robot that faces as T_map_base.
+[[nodiscard]] Point2 baseInMap(
+    const Point2& p_map_antenna, const Pose2& T_map_base, const Point2& p_base_antenna);
+
 /// A fix as the filter takes it.
 [[nodiscard]] ekf::MapFix inMap(const GnssFix& fix, const Eigen::Vector3d& p_map_antenna);
 

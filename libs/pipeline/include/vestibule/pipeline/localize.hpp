@@ -9,12 +9,22 @@
 #include "vestibule/core/events.hpp"
 #include "vestibule/core/frames.hpp"
 #include "vestibule/grid/occupancy_map.hpp"
+#include "vestibule/io/map_io.hpp"
 #include "vestibule/io/recording.hpp"
 #include "vestibule/metrics/trajectory.hpp"
 #include "vestibule/pipeline/config.hpp"
 #include "vestibule/pipeline/progress.hpp"
 
 namespace vestibule::pipeline {
+
+/// What became of the GNSS fixes and headings in a recording.
+struct GeoUse {
+  std::size_t fixes = 0;               ///< with a position
+  std::size_t fixes_in_search = 0;     ///< that were a prior of a search
+  std::size_t fixes_in_weights = 0;    ///< that weighed the particles
+  std::size_t fixes_far = 0;           ///< from the map: not of a robot that is in it
+  std::size_t headings_in_search = 0;  ///< that were a prior of a search
+};
 
 struct LocalizeResult {
   metrics::Trajectory trajectory;  ///< T_map_base, one per laser scan, in file order
@@ -39,6 +49,7 @@ struct LocalizeResult {
   double mean_particle_count = 0.0;
   double data_s = 0.0;      ///< largest minus smallest stamp
   double distance_m = 0.0;  ///< along the trajectory
+  GeoUse geo;
   std::vector<std::string> notes;
 };
 
@@ -67,6 +78,8 @@ struct StartHints {
 /// Particle localization of a recording in a prior map.
 /// \param T_map_base_init empty = global localization
 /// \param hints for global localization
+/// \param georeference of the map, by which fixes and headings of the recording count
+///                     (AmclParams::gnss); empty = none, they do not
 /// Throws InputError for a recording without laser scans or without odometry.
 [[nodiscard]] LocalizeResult localize(
     const std::string& recording_path,
@@ -76,6 +89,7 @@ struct StartHints {
     const Config& config,
     const Observers& observers,
     const Progress& progress,
-    const StartHints& hints = {});
+    const StartHints& hints = {},
+    const std::optional<io::MapGeoreference>& georeference = {});
 
 }  // namespace vestibule::pipeline
