@@ -43,6 +43,11 @@ constexpr double kFitsAsWell = 0.03;
 // contradicts it: by this share of the most that it can say against a place.
 constexpr double kDoubtfulAdvantage = 2.0;
 constexpr double kContradicted = 0.7;
+// What has been moved misleads for some metres. After a long way that share of the advantage is
+// enough, less and less from the first length to the second.
+constexpr double kLongWayAdvantage = 0.75;
+constexpr double kSomeWay_m = 10.0;
+constexpr double kLongWay_m = 15.0;
 // Two places nearer than this are one.
 constexpr double kSame_m = 0.35;
 constexpr double kSame_rad = degToRad(12.0);
@@ -460,7 +465,10 @@ struct GlobalLocalizer::Impl {
     const bool seen_enough =
         counted >= params.min_keys && travelled_m >= params.min_travel_m && searches >= 2;
     const bool doubtful = !fitsBest(hypotheses.front()) || contradicted(hypotheses.front());
-    const double needed = params.min_advantage * (doubtful ? kDoubtfulAdvantage : 1.0);
+    const double long_way =
+        std::clamp((travelled_m - kSomeWay_m) / (kLongWay_m - kSomeWay_m), 0.0, 1.0);
+    const double needed = params.min_advantage * (doubtful ? kDoubtfulAdvantage : 1.0) *
+                          (1.0 + long_way * (kLongWayAdvantage - 1.0));
     return seen_enough && advantage() >= needed ? PlaceState::kSure : PlaceState::kUnsure;
   }
 };

@@ -1,6 +1,5 @@
 #include "geo_hints.hpp"
 
-#include <algorithm>
 #include <cmath>
 
 #include "vestibule/ekf/claims.hpp"

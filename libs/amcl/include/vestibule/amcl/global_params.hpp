@@ -38,9 +38,9 @@ struct GlobalParams {
   int min_keys = 4;                 ///< ... and scans that fit there
   double min_inlier_share = 0.55;   ///< of the beams, on average
   double max_blocked_share = 0.15;  ///< of the beams, on average
-  double min_advantage = 8.0;       ///< log odds of the best place against all others
-  double first_search_m = 1.0;      ///< driven between two searches, doubled from one to the next
-  double max_search_m = 4.0;        ///< but no more than this
+  double min_advantage = 8.0;   ///< log odds of the best place against all others, 3/4 from 15 m on
+  double first_search_m = 1.0;  ///< driven between two searches, doubled from one to the next
+  double max_search_m = 4.0;    ///< but no more than this
 };
 void describe(ParamIo& io, GlobalParams& p);
 
