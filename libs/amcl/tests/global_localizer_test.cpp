@@ -454,6 +454,27 @@ TEST(Localizer, NoticesThatItWasCarriedAwayAndFindsItself) {
   EXPECT_THAT(localizer.pose().mean, poseNear(robot.truth(), 0.1, 0.03));
 }
 
+TEST(Localizer, ForgetsWhatItSawBeforeItWasCarriedAwayWhileItSearched) {
+  // GIVEN a robot that does not know in which of the equal rooms it is
+  Robot robot(fourRooms(), {8.0, 2.5, 1.0});
+  AmclParams params;
+  params.global = oneThread();
+  Localizer localizer(params, robot.map, 5);
+  localizer.startAnywhere();
+  localizer.process(robot.scan());
+  robot.goTo({9.0, 4.0}, localizer);
+  robot.goTo({7.5, 3.0}, localizer);
+  ASSERT_TRUE(localizer.searching());
+
+  // WHEN somebody carries it to the corridor, where there is but one place like that
+  robot.T_grid_base = {9.0, 7.2, 3.0};
+  robot.goTo({3.5, 7.2}, localizer);
+
+  // THEN what it has seen in the room says nothing against that
+  EXPECT_FALSE(localizer.searching());
+  EXPECT_THAT(localizer.pose().mean, poseNear(robot.truth(), 0.1, 0.03));
+}
+
 TEST(Localizer, TakesFixesInWhileItSearchesOnly) {
   Robot robot(fourRooms(), {8.0, 2.5, 1.0});
   AmclParams params;

@@ -67,6 +67,28 @@ TEST(TellApart, LeadsOutOfARoomThatLooksLikeAnother) {
   EXPECT_LT(length_m, 1.1 * straight_m);
 }
 
+TEST(TellApart, LooksAtTheEndOfACorridorFromAfar) {
+  // GIVEN a corridor 35 m long that opens into a hall, and two places in it 9 m apart
+  constexpr int kLong = 800;
+  std::vector<grid::Cell> cells(kLong * kHeight, grid::Cell::kOccupied);
+  for (int y = 2; y < kHeight - 2; ++y) {
+    for (int x = 2; x < kLong - 2; ++x) {
+      if (x >= 100 && (y < 80 || y >= 128)) continue;
+      cells[static_cast<std::size_t>(y * kLong + x)] = grid::Cell::kFree;
+    }
+  }
+  const auto map = std::make_shared<const grid::OccupancyMap>(
+      grid::OccupancyMap::fromCells(kLong, kHeight, kResolution, {0, 0}, cells, {}));
+  const TellApart tell_apart(map, 0.3, {});
+  const Pose2 near{17.0, 5.2, kPi};
+  const Pose2 far{26.0, 5.2, kPi};
+  // THEN the robot turns before it is in the hall, 12 m ahead: it has seen whether it is there
+  const auto way = tell_apart.way({place(near, 0.6), place(far, 0.4)}, 20.0);
+  ASSERT_FALSE(way.empty());
+  EXPECT_LT(way.back().x, 15.0);
+  EXPECT_GT(way.back().x, 7.5);
+}
+
 TEST(TellApart, HasNoWayWhenNothingWithinReachDiffers) {
   const auto map = twoRooms({});
   const TellApart tell_apart(map, 0.3, {});
