@@ -148,6 +148,18 @@ void propagatePortable(
   propagateBlocks(p, begin, end, increment, key);
 }
 
+/// \pre inside: the point falls into the table
+template <bool inside>
+VESTIBULE_INLINE std::uint32_t valueAt(const TableView& t, std::int32_t x, std::int32_t y) {
+  std::int32_t ix = x >> kFractionBits;
+  std::int32_t iy = y >> kFractionBits;
+  if (!inside) {
+    ix = std::min(std::max(ix, 0), t.width - 1);
+    iy = std::min(std::max(iy, 0), t.height - 1);
+  }
+  return t.values[iy * t.width + ix];
+}
+
 template <bool inside>
 VESTIBULE_INLINE std::uint32_t sumOne(
     const TableView& t,
@@ -158,15 +170,7 @@ VESTIBULE_INLINE std::uint32_t sumOne(
     std::int32_t x,
     std::int32_t y) {
   std::uint32_t sum = 0;
-  for (std::size_t b = begin; b < end; ++b) {
-    std::int32_t ix = (x + bx[b]) >> kFractionBits;
-    std::int32_t iy = (y + by[b]) >> kFractionBits;
-    if (!inside) {
-      ix = std::min(std::max(ix, 0), t.width - 1);
-      iy = std::min(std::max(iy, 0), t.height - 1);
-    }
-    sum += t.values[iy * t.width + ix];
-  }
+  for (std::size_t b = begin; b < end; ++b) sum += valueAt<inside>(t, x + bx[b], y + by[b]);
   return sum;
 }
 
@@ -180,7 +184,23 @@ void sumPortable(
     const std::int32_t* y,
     std::size_t count,
     std::uint32_t* sum) {
-  for (std::size_t k = 0; k < count; ++k) sum[k] += sumOne<inside>(t, bx, by, 0, beams, x[k], y[k]);
+  // Two positions at a time: each beam is loaded once for both.
+  std::size_t k = 0;
+  for (; k + 1 < count; k += 2) {
+    const std::int32_t x0 = x[k];
+    const std::int32_t y0 = y[k];
+    const std::int32_t x1 = x[k + 1];
+    const std::int32_t y1 = y[k + 1];
+    std::uint32_t sum0 = 0;
+    std::uint32_t sum1 = 0;
+    for (std::size_t b = 0; b < beams; ++b) {
+      sum0 += valueAt<inside>(t, x0 + bx[b], y0 + by[b]);
+      sum1 += valueAt<inside>(t, x1 + bx[b], y1 + by[b]);
+    }
+    sum[k] += sum0;
+    sum[k + 1] += sum1;
+  }
+  if (k < count) sum[k] += sumOne<inside>(t, bx, by, 0, beams, x[k], y[k]);
 }
 
 #if VESTIBULE_HAS_AVX2_KERNELS
