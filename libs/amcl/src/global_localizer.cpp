@@ -125,7 +125,7 @@ struct GlobalLocalizer::Impl {
   std::shared_ptr<const grid::OccupancyMap> map;
   ScanFitter fitter;
   grid::ScoreField field;
-  grid::ScoreField lenient_field;
+  std::optional<grid::ScoreField> lenient_field;  // made when it is first needed
   grid::BaseMask free_space;
   grid::BranchAndBoundMatcher matcher;
 
@@ -142,12 +142,14 @@ struct GlobalLocalizer::Impl {
   int searches = 0;
   int counted = 0;  // keys since start
 
-  Impl(const GlobalParams& p, std::shared_ptr<const grid::OccupancyMap> m)
+  Impl(
+      const GlobalParams& p,
+      std::shared_ptr<const grid::OccupancyMap> m,
+      std::shared_ptr<const grid::DistanceField> distances)
       : params(p),
         map(std::move(m)),
-        fitter(params, *map),
+        fitter(params, *map, std::move(distances)),
         field(scoreField(0.0)),
-        lenient_field(scoreField(kUnknownScore)),
         free_space(grid::BaseMask::freeSpace(field, *map)),
         matcher(params.search),
         seen(params.surface_m) {}
@@ -338,7 +340,8 @@ struct GlobalLocalizer::Impl {
     };
     searchIn(field);
     if (hypotheses.empty() || hypotheses.front().known_share < kWellKnown) {
-      searchIn(lenient_field);
+      if (!lenient_field) lenient_field = scoreField(kUnknownScore);
+      searchIn(*lenient_field);
     }
   }
 
@@ -474,8 +477,10 @@ struct GlobalLocalizer::Impl {
 };
 
 GlobalLocalizer::GlobalLocalizer(
-    const GlobalParams& params, std::shared_ptr<const grid::OccupancyMap> map)
-    : impl_(std::make_unique<Impl>(params, std::move(map))) {}
+    const GlobalParams& params,
+    std::shared_ptr<const grid::OccupancyMap> map,
+    std::shared_ptr<const grid::DistanceField> distances)
+    : impl_(std::make_unique<Impl>(params, std::move(map), std::move(distances))) {}
 
 GlobalLocalizer::~GlobalLocalizer() = default;
 

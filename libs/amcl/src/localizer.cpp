@@ -87,7 +87,10 @@ struct Localizer::Impl {
       const std::shared_ptr<const grid::OccupancyMap>& map,
       std::uint64_t seed,
       const Observers* o)
-      : params(p), particles(p, map, seed, o), global(p.global, map), observers(o) {}
+      : params(p),
+        particles(p, map, seed, o),
+        global(p.global, map, particles.distances()),
+        observers(o) {}
 
   void startTracking() {
     looking = false;

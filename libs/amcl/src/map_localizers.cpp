@@ -123,7 +123,8 @@ bool MapLocalizers::seed(const PoseWithCovariance& T_map_base) {
   if (!nearest->particles) {
     nearest->particles = std::make_unique<ParticleLocalizer>(
         impl_->params, nearest->map, impl_->seed, impl_->observers, impl_->learnt[nearest->name]);
-    nearest->search = std::make_unique<GlobalLocalizer>(impl_->params.global, nearest->map);
+    nearest->search = std::make_unique<GlobalLocalizer>(
+        impl_->params.global, nearest->map, nearest->particles->distances());
   }
   impl_->at_work = static_cast<std::size_t>(nearest - impl_->all.begin());
   impl_->wanted = T_map_base;

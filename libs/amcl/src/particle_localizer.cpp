@@ -171,7 +171,8 @@ double inlierShare(
 struct ParticleLocalizer::Impl {
   AmclParams params;
   std::shared_ptr<const grid::OccupancyMap> map;
-  grid::DistanceField field;
+  std::shared_ptr<const grid::DistanceField> distances;
+  const grid::DistanceField& field;
   LikelihoodTable table;
   std::uint64_t seed;
   const Observers* observers;
@@ -217,7 +218,8 @@ struct ParticleLocalizer::Impl {
       const LearntOfMap& l)
       : params(p),
         map(usable(std::move(m))),
-        field(*map),
+        distances(std::make_shared<const grid::DistanceField>(*map)),
+        field(*distances),
         table(*map, field, params.field),
         seed(s),
         observers(o),
@@ -733,6 +735,10 @@ ParticleLocalizer::ParticleLocalizer(
     : impl_(std::make_unique<Impl>(params, std::move(map), seed, observers, learnt)) {}
 
 ParticleLocalizer::~ParticleLocalizer() = default;
+
+std::shared_ptr<const grid::DistanceField> ParticleLocalizer::distances() const {
+  return impl_->distances;
+}
 
 void ParticleLocalizer::initialise(const PoseWithCovariance& T_map_base) {
   initialise(std::vector<PoseMode>{{T_map_base, 1.0}});

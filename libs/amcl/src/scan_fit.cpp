@@ -177,16 +177,6 @@ std::vector<Point2> spreadGaps(const LaserScan& scan, double max_range_m, std::s
 
 namespace {
 
-std::vector<std::uint8_t> unknownCells(const grid::OccupancyMap& map) {
-  std::vector<std::uint8_t> unknown;
-  for (int y = 0; y < map.height(); ++y) {
-    for (int x = 0; x < map.width(); ++x) {
-      unknown.push_back(map.cell(x, y) == grid::Cell::kUnknown ? 1 : 0);
-    }
-  }
-  return unknown;
-}
-
 /// The number of a square of the map, below 0: what is in it and not mapped is taken for one thing.
 std::int64_t squareAt(const Point2& p_cells, double side_m) {
   constexpr std::int64_t kPerRow = std::int64_t{1} << 30;
@@ -197,15 +187,14 @@ std::int64_t squareAt(const Point2& p_cells, double side_m) {
 
 }  // namespace
 
-std::vector<std::uint32_t> smallThings(const grid::OccupancyMap& map, double small_m) {
+SmallThings::SmallThings(const grid::OccupancyMap& map, double small_m) {
   const int w = map.width();
   const int h = map.height();
   const auto at = [w](int x, int y) {
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(w) + static_cast<std::size_t>(x);
   };
-  std::vector<std::uint32_t> small(static_cast<std::size_t>(w) * static_cast<std::size_t>(h), 0);
   std::uint32_t things = 0;
-  std::vector<char> seen(small.size(), 0);
+  std::vector<char> seen(static_cast<std::size_t>(w) * static_cast<std::size_t>(h), 0);
   std::vector<std::pair<int, int>> thing;
   const auto around = [&](int x, int y, const auto& visit) {
     for (int v = std::max(0, y - 1); v <= std::min(h - 1, y + 1); ++v) {
@@ -235,19 +224,37 @@ std::vector<std::uint32_t> smallThings(const grid::OccupancyMap& map, double sma
       if (extent_m > small_m) continue;
       ++things;
       for (const auto& [x, y] : thing) {
-        around(x, y, [&](int u, int v) { small[at(u, v)] = things; });
+        around(x, y, [&](int u, int v) { things_.emplace_back(at(u, v), things); });
       }
     }
   }
-  return small;
+  std::sort(things_.begin(), things_.end());
+  // Of several the last.
+  const auto kept = std::unique(things_.rbegin(), things_.rend(), [](const auto& a, const auto& b) {
+    return a.first == b.first;
+  });
+  things_.erase(things_.begin(), kept.base());
+  things_.shrink_to_fit();
 }
 
-ScanFitter::ScanFitter(const GlobalParams& params, const grid::OccupancyMap& map)
+std::uint32_t SmallThings::at(std::size_t cell) const {
+  const auto it = std::lower_bound(
+      things_.begin(), things_.end(), cell, [](const auto& thing, std::size_t wanted) {
+        return thing.first < wanted;
+      });
+  return it != things_.end() && it->first == cell ? it->second : 0;
+}
+
+ScanFitter::ScanFitter(
+    const GlobalParams& params,
+    const grid::OccupancyMap& map,
+    std::shared_ptr<const grid::DistanceField> distances)
     : params_(params),
-      distances_(map),
+      map_(map),
+      distances_(
+          distances ? std::move(distances) : std::make_shared<const grid::DistanceField>(map)),
       rays_(map),
-      movable_(smallThings(map, params.small_m)),
-      unknown_(unknownCells(map)),
+      movable_(map, params.small_m),
       width_(map.width()),
       height_(map.height()),
       resolution_m_(map.resolution()),
@@ -256,7 +263,7 @@ ScanFitter::ScanFitter(const GlobalParams& params, const grid::OccupancyMap& map
 ScanFitter::Distance ScanFitter::interpolated(const Point2& p_grid) const {
   const double u = p_grid.x / resolution_m_ - 0.5;
   const double v = p_grid.y / resolution_m_ - 0.5;
-  const std::vector<float>& d = distances_.cells();
+  const std::vector<float>& d = distances_->cells();
   if (d.empty() || !(u >= 0.0 && v >= 0.0 && u < width_ - 1 && v < height_ - 1)) {
     return {kFar_m, 0.0, 0.0};
   }
@@ -315,18 +322,25 @@ PoseWithCovariance ScanFitter::refined(
   return compose(T_map_cells_, PoseWithCovariance{T, (H + weak).inverse()});
 }
 
-template <class T>
-T ScanFitter::valueAt(const std::vector<T>& cells, const Point2& p_cells) const {
-  const int ix = static_cast<int>(std::floor(p_cells.x / resolution_m_));
-  const int iy = static_cast<int>(std::floor(p_cells.y / resolution_m_));
-  if (ix < 0 || iy < 0 || ix >= width_ || iy >= height_) return 0;
-  return cells
-      [static_cast<std::size_t>(iy) * static_cast<std::size_t>(width_) +
-       static_cast<std::size_t>(ix)];
+std::optional<ScanFitter::CellIndex> ScanFitter::cellAt(const Point2& p_cells) const {
+  const CellIndex i{
+      static_cast<int>(std::floor(p_cells.x / resolution_m_)),
+      static_cast<int>(std::floor(p_cells.y / resolution_m_))};
+  if (i.x < 0 || i.y < 0 || i.x >= width_ || i.y >= height_) return std::nullopt;
+  return i;
+}
+
+bool ScanFitter::isUnknown(const Point2& p_cells) const {
+  const auto i = cellAt(p_cells);
+  return i && map_.cell(i->x, i->y) == grid::Cell::kUnknown;
 }
 
 std::int64_t ScanFitter::thingAt(const Point2& p_map_obstacle) const {
-  return valueAt(movable_, transform(inverse(T_map_cells_), p_map_obstacle));
+  const auto i = cellAt(transform(inverse(T_map_cells_), p_map_obstacle));
+  if (!i) return 0;
+  return movable_.at(
+      static_cast<std::size_t>(i->y) * static_cast<std::size_t>(width_) +
+      static_cast<std::size_t>(i->x));
 }
 
 std::optional<Point2> ScanFitter::obstacleBefore(
@@ -387,7 +401,7 @@ ScanFit ScanFitter::fit(
     const double d = interpolated(p_cells).d_m;
     const double u = d / params_.sigma_hit_m;
     // Where nobody has looked anything may stand.
-    const bool unknown = valueAt(unknown_, p_cells) != 0;
+    const bool unknown = isUnknown(p_cells);
     const double is_new = (news.empty() ? 1.0 : news[i]) * (unknown ? params_.movable_share : 1.0);
     const bool small = ends.stand_out[i] != 0 && d >= params_.inlier_distance_m;
     note(

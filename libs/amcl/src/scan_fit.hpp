@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -47,9 +48,17 @@ struct ScanEnds {
 [[nodiscard]] std::vector<Point2> spreadGaps(
     const LaserScan& scan, double max_range_m, std::size_t count);
 
-/// Per cell of a map: the number, from 1, of the thing no larger than small_m whose occupied cells
-/// it is one of or beside; 0 = none.
-[[nodiscard]] std::vector<std::uint32_t> smallThings(const grid::OccupancyMap& map, double small_m);
+/// The things in a map that are no larger than small_m.
+class SmallThings {
+ public:
+  SmallThings(const grid::OccupancyMap& map, double small_m);
+  /// The number, from 1, of the thing whose occupied cells a cell is one of or beside; 0 = none.
+  /// \param cell row-major from the bottom left corner
+  [[nodiscard]] std::uint32_t at(std::size_t cell) const;
+
+ private:
+  std::vector<std::pair<std::size_t, std::uint32_t>> things_;  // by cell, for few cells have any
+};
 
 /// What a scan says of something small: mapped and not seen, or seen and not mapped.
 struct ThingEvidence {
@@ -71,9 +80,14 @@ struct ScanFit {
 /// Immutable.
 class ScanFitter {
  public:
-  ScanFitter(const GlobalParams& params, const grid::OccupancyMap& map);
+  /// \param params, map outlive it
+  /// \param distances of the map; made when null
+  ScanFitter(
+      const GlobalParams& params,
+      const grid::OccupancyMap& map,
+      std::shared_ptr<const grid::DistanceField> distances = nullptr);
 
-  [[nodiscard]] const grid::DistanceField& distances() const { return distances_; }
+  [[nodiscard]] const grid::DistanceField& distances() const { return *distances_; }
 
   /// Gauss-Newton on the distances of the end points (METHODS 1.6); `information` holds the pose
   /// where the scan does not, in map axes. The covariance comes from the scan alone, tempered, plus
@@ -98,9 +112,14 @@ class ScanFitter {
     double gx = 0.0;  // gradient in grid axes
     double gy = 0.0;
   };
-  /// The value of the cell at a point, 0 off the map.
-  template <class T>
-  [[nodiscard]] T valueAt(const std::vector<T>& cells, const Point2& p_cells) const;
+  struct CellIndex {
+    int x = 0;
+    int y = 0;
+  };
+  /// Empty off the map.
+  [[nodiscard]] std::optional<CellIndex> cellAt(const Point2& p_cells) const;
+  /// Whether a point lies in a cell of the map that nobody has seen.
+  [[nodiscard]] bool isUnknown(const Point2& p_cells) const;
   /// The small thing that a mapped obstacle belongs to; 0 = none.
   [[nodiscard]] std::int64_t thingAt(const Point2& p_map_obstacle) const;
   [[nodiscard]] Distance interpolated(const Point2& p_grid) const;
@@ -109,10 +128,10 @@ class ScanFitter {
       const Point2& p_map_end, const Point2& p_map_laser, double margin_m) const;
 
   const GlobalParams& params_;
-  grid::DistanceField distances_;
+  const grid::OccupancyMap& map_;
+  std::shared_ptr<const grid::DistanceField> distances_;
   grid::RayCaster rays_;
-  std::vector<std::uint32_t> movable_;  // small things
-  std::vector<std::uint8_t> unknown_;
+  SmallThings movable_;
   int width_;
   int height_;
   double resolution_m_;

@@ -35,11 +35,11 @@ constexpr double kSame_m = 1.0;
 constexpr double kSame_rad = degToRad(20.0);
 
 grid::OccupancyMap withoutSmallThings(const grid::OccupancyMap& map, double small_m) {
-  const std::vector<std::uint32_t> small = smallThings(map, small_m);
+  const SmallThings small(map, small_m);
   std::vector<grid::Cell> cells;
   for (int y = 0; y < map.height(); ++y) {
     for (int x = 0; x < map.width(); ++x) {
-      const bool moves = map.cell(x, y) == grid::Cell::kOccupied && small[cells.size()] != 0;
+      const bool moves = map.cell(x, y) == grid::Cell::kOccupied && small.at(cells.size()) != 0;
       cells.push_back(moves ? grid::Cell::kFree : map.cell(x, y));
     }
   }

@@ -8,6 +8,7 @@
 #include "vestibule/amcl/global_params.hpp"
 #include "vestibule/core/frames.hpp"
 #include "vestibule/grid/branch_and_bound.hpp"
+#include "vestibule/grid/distance_field.hpp"
 #include "vestibule/sensors/measurements.hpp"
 
 namespace vestibule::amcl {
@@ -39,7 +40,11 @@ struct Place {
 /// Several equal places stay several: kUnsure is an answer. Deterministic for any thread count.
 class GlobalLocalizer {
  public:
-  GlobalLocalizer(const GlobalParams& params, std::shared_ptr<const grid::OccupancyMap> map);
+  /// \param distances of the map, to share; made when null
+  GlobalLocalizer(
+      const GlobalParams& params,
+      std::shared_ptr<const grid::OccupancyMap> map,
+      std::shared_ptr<const grid::DistanceField> distances = nullptr);
   ~GlobalLocalizer();
 
   /// Forgets everything. \param prior what is known of the robot's present pose (GNSS, compass,

@@ -98,6 +98,8 @@ class ParticleLocalizer {
   [[nodiscard]] const ScanReport& lastReport() const;
   [[nodiscard]] const grid::OccupancyMap& map() const;
   [[nodiscard]] const LearntOfMap& learnt() const;
+  /// Of the map, for others that need it, too.
+  [[nodiscard]] std::shared_ptr<const grid::DistanceField> distances() const;
 
  private:
   struct Impl;
