@@ -548,6 +548,11 @@ bool GlobalLocalizer::process(const LaserScan& scan) {
   if (due && s.state() != PlaceState::kSure) {
     s.search();
   }
+  // The true place may have come into reach of the search only now.
+  if (s.state() == PlaceState::kSure &&
+      s.travelled_m - s.searched_at_m >= s.params.first_search_m) {
+    s.search();
+  }
   if (s.state() == PlaceState::kSure) {
     s.searchAroundBest();
     s.rank();
