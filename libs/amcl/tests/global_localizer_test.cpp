@@ -97,6 +97,14 @@ struct Robot {
       localizer.process(scan());
     }
   }
+
+  /// In the second of the four rooms.
+  template <class Localizer>
+  void lookRound(Localizer& localizer) {
+    localizer.process(scan());
+    goTo({9.0, 4.0}, localizer);
+    goTo({7.5, 3.0}, localizer);
+  }
 };
 
 GlobalParams oneThread(int threads = 1) {
@@ -109,9 +117,7 @@ TEST(GlobalLocalizer, StaysUnsureInEqualRoomsAndIsSureOnceItSeesTheDifference) {
   Robot robot(fourRooms(), {8.0, 2.5, 1.0});
   GlobalLocalizer localizer(oneThread(), robot.map);
   localizer.start();
-  localizer.process(robot.scan());
-  robot.goTo({9.0, 4.0}, localizer);
-  robot.goTo({7.5, 3.0}, localizer);
+  robot.lookRound(localizer);
   // Four rooms look the same: all of them are candidates, the true one among them.
   EXPECT_EQ(localizer.state(), PlaceState::kUnsure);
   const auto places = localizer.places();
@@ -177,9 +183,7 @@ TEST(GlobalLocalizer, AFixOnTheWayDecidesBetweenEqualRooms) {
   Robot robot(fourRooms(), {8.0, 2.5, 1.0});
   GlobalLocalizer localizer(oneThread(), robot.map);
   localizer.start();
-  localizer.process(robot.scan());
-  robot.goTo({9.0, 4.0}, localizer);
-  robot.goTo({7.5, 3.0}, localizer);
+  robot.lookRound(localizer);
   ASSERT_EQ(localizer.state(), PlaceState::kUnsure);
 
   // WHEN its antenna, which stands out by as much as a room, gets a fix, and it drives on
@@ -461,9 +465,7 @@ TEST(Localizer, ForgetsWhatItSawBeforeItWasCarriedAwayWhileItSearched) {
   params.global = oneThread();
   Localizer localizer(params, robot.map, 5);
   localizer.startAnywhere();
-  localizer.process(robot.scan());
-  robot.goTo({9.0, 4.0}, localizer);
-  robot.goTo({7.5, 3.0}, localizer);
+  robot.lookRound(localizer);
   ASSERT_TRUE(localizer.searching());
 
   // WHEN somebody carries it to the corridor, where there is but one place like that
@@ -487,9 +489,7 @@ TEST(Localizer, TakesFixesInWhileItSearchesOnly) {
   // WHEN it starts anywhere, with a fix before the first scan
   localizer.startAnywhere();
   EXPECT_TRUE(localizer.learn(PriorKind::kPosition, fixAt({truth.x, truth.y}, 1.0)));
-  localizer.process(robot.scan());
-  robot.goTo({9.0, 4.0}, localizer);
-  robot.goTo({7.5, 3.0}, localizer);
+  robot.lookRound(localizer);
 
   // THEN it has found its room of four, and has no use for more
   EXPECT_FALSE(localizer.searching());

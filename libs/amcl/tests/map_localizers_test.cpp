@@ -5,28 +5,15 @@
 #include <cmath>
 
 #include "matchers.hpp"
+#include "room_map.hpp"
 #include "vestibule/core/random.hpp"
 #include "vestibule/grid/ray_caster.hpp"
 
 namespace vestibule::amcl {
 namespace {
 
-/// A room of w x h m in which no pose looks like another.
 std::shared_ptr<const grid::OccupancyMap> room(double w, double h, const Pose2& T_map_grid) {
-  constexpr double kResolution = 0.05;
-  const int width = static_cast<int>(w / kResolution);
-  const int height = static_cast<int>(h / kResolution);
-  std::vector<grid::Cell> cells;
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      const bool rim = x < 2 || y < 2 || x >= width - 2 || y >= height - 2;
-      const bool inner_wall = x > width / 2 && x < width / 2 + 4 && y < height / 2;
-      const bool cabinet = x > width / 5 && x < width / 3 && y > 3 * height / 4;
-      cells.push_back(rim || inner_wall || cabinet ? grid::Cell::kOccupied : grid::Cell::kFree);
-    }
-  }
-  return std::make_shared<const grid::OccupancyMap>(
-      grid::OccupancyMap::fromCells(width, height, kResolution, {0, 0}, cells, T_map_grid));
+  return std::make_shared<const grid::OccupancyMap>(roomMap(w, h, T_map_grid));
 }
 
 struct Robot {

@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "matchers.hpp"
+#include "room_map.hpp"
 #include "test_files.hpp"
 #include "vestibule/core/errors.hpp"
 #include "vestibule/grid/ray_caster.hpp"
@@ -22,23 +23,6 @@ using testing::IsEmpty;
 
 constexpr double kWidth_m = 12.0;
 constexpr double kHeight_m = 8.0;
-
-/// A room in which no pose looks like another.
-grid::OccupancyMap room() {
-  constexpr double kResolution = 0.05;
-  const int width = static_cast<int>(kWidth_m / kResolution);
-  const int height = static_cast<int>(kHeight_m / kResolution);
-  std::vector<grid::Cell> cells;
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      const bool rim = x < 2 || y < 2 || x >= width - 2 || y >= height - 2;
-      const bool inner_wall = x > width / 2 && x < width / 2 + 4 && y < height / 2;
-      const bool cabinet = x > width / 5 && x < width / 3 && y > 3 * height / 4;
-      cells.push_back(rim || inner_wall || cabinet ? grid::Cell::kOccupied : grid::Cell::kFree);
-    }
-  }
-  return grid::OccupancyMap::fromCells(width, height, kResolution, {0, 0}, cells);
-}
 
 /// Remembers maps that came and went and what was warned of.
 class Log : public Observer {
@@ -65,7 +49,8 @@ class TwoBuildings : public testing::Test {
       geo::IndoorMap indoor;
       indoor.name = name;
       indoor.yaml_path = folder_ / (indoor.name + ".yaml");
-      io::saveMapServer(room(), indoor.yaml_path, folder_ / (indoor.name + ".pgm"));
+      io::saveMapServer(
+          roomMap(kWidth_m, kHeight_m), indoor.yaml_path, folder_ / (indoor.name + ".pgm"));
       const double x = indoor.name == "hall" ? 0.0 : 300.0;
       indoor.T_map_grid = {x, 0.0, 0.0};
       site_.indoor_maps.push_back(indoor);
@@ -191,7 +176,7 @@ class Drive {
     return scan;
   }
 
-  grid::OccupancyMap map_ = room();
+  grid::OccupancyMap map_ = roomMap(kWidth_m, kHeight_m);
   grid::RayCaster rays_{map_};
   SeamlessEstimator estimator_;
   Pose2 truth_{1.0, 5.0, 0.0};
